@@ -63,8 +63,8 @@ class Forces:
 class Acting:
     """Forces with what they remember: the parts p by which balls have crept."""
 
-    def __init__(self, forces: Forces, stiffness: float, servo: tuple[float, float], h: float) -> None:
-        self.forces, self.stiffness, self.servo, self.h = forces, stiffness, servo, h
+    def __init__(self, forces: Forces, stiffness: float, h: float) -> None:
+        self.forces, self.stiffness, self.h = forces, stiffness, h
         self.crept = {k: np.zeros(3) for k in forces.creep}
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -81,11 +81,11 @@ class Acting:
         for k, free in own.slack.items():
             q = turn(data, k)
             add(data, k, -self.stiffness * max(1.0 - free / max(math.sqrt(q @ q), 1e-12), 0.0) * q)
-        self.at_slides(data)
+        self.at_slides(model, data)
         if own.drag or any(own.gust) or own.pull:
             self.at_links(model, data)
 
-    def at_slides(self, data: mujoco.MjData) -> None:
+    def at_slides(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         own = self.forces
         if own.drag_carriage:
             v = data.qvel[:2]
@@ -98,7 +98,8 @@ class Acting:
             v = data.qvel[j]
             data.qfrc_passive[j] -= size * math.exp(-((v / speed) ** 2)) * math.tanh(v / SHARP)
         for j, size in own.load.items():
-            servo = self.servo[0] * (data.ctrl[j] - data.qpos[j]) - self.servo[1] * data.qvel[j]
+            gain, brake = model.actuator_gainprm[j, 0], model.actuator_biasprm[j, 2]
+            servo = gain * (data.ctrl[j] - data.qpos[j]) + brake * data.qvel[j]
             data.qfrc_passive[j] -= size * abs(servo) * math.tanh(data.qvel[j] / SHARP)
 
     def at_links(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:

@@ -104,6 +104,7 @@ def of_carriage(peaks: np.ndarray) -> dict[str, list[Direction]]:
         out[f"coulomb_friction:{s}"] = [Direction(force("stribeck", k, 1e6), 5e-3)]  # it does not fade
         out[f"load_friction:{s}"] = [Direction(force("load", k), 5e-3)]
         out |= {f"stribeck:{s}:{v}": [Direction(force("stribeck", k, v), 5e-3)] for v in SPEEDS}
+        out[f"drive_stiffness:{m}"] = [Direction(of_servo("stiffer", k), 10.0)]
         out[f"torque_offset:{m}"] = [Direction(of_servo("offset", k), 0.02)]
         out[f"actuator_delay:{m}"] = [Direction(of_servo("late", k), 5e-4)]
         out[f"actuator_lag:{m}"] = [Direction(of_servo("lag", k), 5e-4, "one")]

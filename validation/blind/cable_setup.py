@@ -99,8 +99,12 @@ class CableSetup(Setup):
                 end = lfilter([1.0 - decay], [1.0, -decay], out[:, j] - out[0, j]) + out[0, j]
                 begin = np.concatenate([out[:1, j], end[:-1]])
                 out[:, j] += (begin - out[:, j]) * (1.0 - decay) * lag / h
-            out[:, j] += changes.get(f"offset:{motor}", 0.0) / self.servo[0]
+            out[:, j] += changes.get(f"offset:{motor}", 0.0) / self.gain(motor, changes)
         return out
+
+    def gain(self, motor: str, changes: Changes) -> float:
+        """k_p of a servo [N/m]."""
+        return self.servo[0] + changes.get(f"kp:{motor}", 0.0)
 
     # ---- What may be hidden --------------------------------------------------------------------------------------------
 
@@ -156,6 +160,7 @@ class CableSetup(Setup):
         self.add("joint_stiffness", j, f"stiffness:{j}", Knob(0.005 * k, 0.2 * k, f"{j}.stiffness", one_sided=True))
         self.add("cubic_stiffness", j, f"cubic:{j}", Knob(1.0 * k, 60.0 * k, f"{j}.cubic_stiffness", one_sided=True))
         self.add("armature", j, f"armature:{j}", Knob(0.01 * self.carriage, 2.0 * self.carriage, f"{j}.armature", one_sided=True))
+        self.add("drive_stiffness", motor, f"kp:{motor}", Knob(0.01 * k, 0.5 * k, f"{motor}.stiffness", k))
         self.add("torque_offset", motor, f"offset:{motor}", Knob(0.02 * force, 20.0 * force, f"{motor}.offset"))
         self.add("actuator_delay", motor, f"late:{motor}", Knob(5e-4, 0.025, f"{motor}.delay", one_sided=True))
         self.add("actuator_lag", motor, f"lag:{motor}", Knob(5e-4, 0.03, f"{motor}.lag", one_sided=True))
@@ -198,7 +203,8 @@ class CableSetup(Setup):
                 <inertial pos="{numbers(com)}" mass="{mass!r}" diaginertia="{numbers(mass * (s.sum() - s))}"/>"""
 
         slides = "".join(joint(j, f'type="slide" axis="{axis}"', 0.0, 0.0) for j, axis in zip(SLIDES, ("1 0 0", "0 1 0"), strict=True))
-        servos = "".join(f'<position joint="{j}" kp="{self.servo[0]}" kv="{self.servo[1]}"/>' for j in SLIDES)
+        gains = {j: self.gain(m, changes) for j, m in zip(SLIDES, MOTORS, strict=True)}
+        servos = "".join(f'<position joint="{j}" kp="{gain}" kv="{self.servo[1]}"/>' for j, gain in gains.items())
         tilt = Rotation.from_euler("y", get("tilt1", 0.0)) * Rotation.from_euler("x", get("tilt0", 0.0))
         g = numbers(tilt.apply([0.0, 0.0, -(G + get("gravity", 0.0))]))
         carriage = self.carriage + get("mass:carriage", 0.0)
@@ -225,7 +231,7 @@ class CableSetup(Setup):
             data = mujoco.MjData(model)
             own = self.forces(changes)
             stiffness = self.stiffness + changes.get("stiffness", 0.0)
-            acting = cable_forces.Acting(own, stiffness, self.servo, h)
+            acting = cable_forces.Acting(own, stiffness, h)
             if not own.none:
                 mujoco.set_mjcb_passive(acting)
             cable_forces.settle(model, data, self.told(record, changes | {"lag": 0.0}, h, 1, linear=not self.smooth)[0])

@@ -45,6 +45,7 @@ class Effect:
     centre: dict[str, tuple[float, ...]] = field(default_factory=dict)  # m, shift of the centre of mass
     tilt: tuple[float, float] = (0.0, 0.0)  # rad, of gravity about x and then y
     gravity: float = 9.81  # m/s²
+    stiffer: tuple[float, float] = (0.0, 0.0)  # N/m, of the servos
     offset: tuple[float, float] = (0.0, 0.0)  # N, of the servos
     late: tuple[float, float] = (0.0, 0.0)  # s, of the commands
     lag: tuple[float, float] = (0.0, 0.0)  # s, first order, behind them
@@ -90,8 +91,8 @@ def xml(effect: Effect) -> str:
     )
     limits = ["" if math.isinf(x) else f'forcerange="{-x} {x}"' for x in effect.limit]
     servos = "".join(
-        f'<position joint="{name}" kp="{SERVO}" kv="{BRAKE}" {limit}/>'
-        for name, limit in zip(SLIDES, limits, strict=True)
+        f'<position joint="{name}" kp="{SERVO + more}" kv="{BRAKE}" {limit}/>'
+        for name, more, limit in zip(SLIDES, effect.stiffer, limits, strict=True)
     )
     g = " ".join(map(repr, map(float, gravity(effect))))
     return f"""<mujoco>
@@ -136,7 +137,7 @@ def motion(effect: Effect, t: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np
     with cable_forces.alone():
         model = mujoco.MjModel.from_xml_string(xml(effect))
         data = mujoco.MjData(model)
-        forces = cable_forces.Acting(effect.forces, STIFFNESS, (SERVO, BRAKE), FINE)
+        forces = cable_forces.Acting(effect.forces, STIFFNESS, FINE)
         if not effect.forces.none:
             mujoco.set_mjcb_passive(forces)
         every = round(1.0 / RATE / FINE)

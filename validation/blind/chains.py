@@ -233,6 +233,9 @@ class ChainSetup(Setup):
             cut = Knob(0.05, 0.6, f"{motor}.saturation", value=lambda x, peak=self.peak[k]: peak * (1.0 - x), one_sided=True)
             points = tuple({f"cut:{j}": x} for x in (0.1, 0.3, 0.5))
             self.add("saturation", motor, f"cut:{j}", cut, points=points)
+        else:
+            gain = float(self.base["kp"][k])
+            self.add("drive_stiffness", motor, f"kp:{j}", Knob(0.01 * gain, 0.5 * gain, f"{motor}.stiffness", gain))
         self.add("torque_offset", motor, f"offset:{j}", Knob(0.05 * force, 5.0 * force, f"{motor}.offset"))
         self.add("actuator_delay", motor, f"late:{j}", Knob(5e-4, LATEST, f"{motor}.delay", one_sided=True))
         self.add("actuator_lag", motor, f"lag:{j}", Knob(5e-4, 0.04, f"{motor}.lag", one_sided=True))

@@ -30,6 +30,7 @@ CAUSES = {
     "encoder_bias": ("joint", ("position_bias",)),
     "encoder_scale": ("joint", ("position_scale",)),
     "torque_gain": ("torque motor", ("gain",)),
+    "drive_stiffness": ("position drive", ("stiffness",)),
     "torque_offset": ("motor", ("offset",)),
     "saturation": ("torque motor", ("saturation",)),
     "actuator_delay": ("motor", ("delay",)),
@@ -148,7 +149,7 @@ def scene_values(scene: dict) -> dict[str, float]:
         own |= {key: joint[key] for key in ("damping", "stiffness", "friction")}
         out |= {f"{joint['name']}.{key}": float(x) for key, x in own.items()}
     for motor in scene.get("actuator", []):
-        own = {"gain": 1.0, "offset": 0.0, "saturation": np.inf, "delay": 0.0, "lag": 0.0}
+        own = {"gain": 1.0, "stiffness": motor.get("stiffness", 0.0), "offset": 0.0, "saturation": np.inf, "delay": 0.0, "lag": 0.0}
         out |= {f"{motor['name']}.{key}": x for key, x in own.items()}
     return out
 
@@ -189,9 +190,9 @@ def fill(spec: mujoco.MjSpec, scene: dict, values: dict[str, float]) -> mujoco.M
     for motor in scene.get("actuator", []):
         name, made = motor["name"], spec.actuator(motor["name"])
         servo = motor["kind"] == "position"
-        gain, offset, limit = (values[f"{name}.{key}"] for key in ("gain", "offset", "saturation"))
-        made.gainprm[0] = motor["stiffness"] if servo else gain
-        made.biasprm[:3] = [offset, -motor["stiffness"], -motor["damping"]] if servo else [offset, 0.0, 0.0]
+        gain, stiffness, offset, limit = (values[f"{name}.{key}"] for key in ("gain", "stiffness", "offset", "saturation"))
+        made.gainprm[0] = stiffness if servo else gain
+        made.biasprm[:3] = [offset, -stiffness, -motor["damping"]] if servo else [offset, 0.0, 0.0]
         made.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE if np.isfinite(limit) else mujoco.mjtLimited.mjLIMITED_FALSE
         made.forcerange = [-limit, limit] if np.isfinite(limit) else [0.0, 0.0]
     return spec.compile()
@@ -256,6 +257,8 @@ def numbers(plant: Plant) -> dict[str, Number]:
         if motor["kind"] == "torque":
             add(f"{name}.gain", 0.2, 2.0)
             add(f"{name}.saturation", 0.2 * peak, peak, 0.95 * peak)  # at the peak nothing depends on it
+        else:
+            add(f"{name}.stiffness", 0.2 * motor["stiffness"], 2.0 * motor["stiffness"])
         add(f"{name}.offset", -force, force)
         add(f"{name}.delay", -LATEST, LATEST)
         add(f"{name}.lag", 0.0, 2 * LATEST)
@@ -291,6 +294,7 @@ def objects(cause: str, plant: Plant) -> list[str]:
         "joint": [joint["name"] for joint in plant.joints],
         "motor": [motor["name"] for motor in plant.motors],
         "torque motor": [motor["name"] for motor in plant.motors if motor["kind"] == "torque"],
+        "position drive": [motor["name"] for motor in plant.motors if motor["kind"] == "position"],
         "body": bodies[-1:],
         "turning body": bodies[turning[0] :] if turning else [],
     }[CAUSES[cause][0]]

@@ -155,22 +155,25 @@ impl Model {
     fn add_actuator(&mut self, actuator: &Actuator, elements: &mut Elements) {
         let Some(joint) = self.tree.joint(&actuator.joint) else { return };
         let control = self.nu();
+        let linear = self.tree.joints()[joint].kind == bodies::JointKind::Prismatic;
+        let unit = |turning, sliding| if linear { sliding } else { turning };
+        let (force, stiffness, damping) = (unit("N·m", "N"), unit("N·m/rad", "N/m"), unit("N·m·s/rad", "N·s/m"));
         let mut entry =
             |name: &str, unit, bounds, value| self.params.push(format!("{}.{name}", actuator.name), unit, bounds, value);
         let mut params = match actuator.kind {
-            ActuatorKind::Torque => vec![entry("gain", "N·m", ANY, actuator.gain)],
+            ActuatorKind::Torque => vec![entry("gain", force, ANY, actuator.gain)],
             ActuatorKind::Position => vec![
-                entry("stiffness", "N·m/rad", NON_NEGATIVE, actuator.stiffness),
-                entry("damping", "N·m·s/rad", NON_NEGATIVE, actuator.damping),
+                entry("stiffness", stiffness, NON_NEGATIVE, actuator.stiffness),
+                entry("damping", damping, NON_NEGATIVE, actuator.damping),
             ],
-            ActuatorKind::Velocity => vec![entry("damping", "N·m·s/rad", NON_NEGATIVE, actuator.damping)],
+            ActuatorKind::Velocity => vec![entry("damping", damping, NON_NEGATIVE, actuator.damping)],
         };
-        params.push(entry("offset", "N·m", ANY, actuator.offset));
+        params.push(entry("offset", force, ANY, actuator.offset));
         params.push(entry("gear", "-", ANY, actuator.gear));
         if let Some(limits) = actuator.saturation {
-            params.extend([0, 1].map(|k| entry(&format!("saturation[{k}]"), "N·m", ANY, limits[k])));
+            params.extend([0, 1].map(|k| entry(&format!("saturation[{k}]"), force, ANY, limits[k])));
         }
-        let scale = actuator.delta_scale.map(|scale| entry("delta_scale", "rad", ANY, scale));
+        let scale = actuator.delta_scale.map(|scale| entry("delta_scale", unit("rad", "m"), ANY, scale));
         let delay = actuator.delay.zip(actuator.longest_delay());
         let delay = delay.map(|(delay, longest)| (entry("delay", "s", (0.0, longest), delay), longest));
         let lag = actuator.lag.map(|lag| entry("lag", "s", NON_NEGATIVE, lag));

@@ -20,6 +20,8 @@ mod cogging_torque;
 mod contact_friction;
 mod coulomb_friction;
 mod cubic_stiffness;
+mod drive_damping;
+mod drive_stiffness;
 mod edge_lengths;
 mod encoder_bias;
 mod encoder_scale;
@@ -277,6 +279,17 @@ impl Situation<'_> {
         self.actuators().into_iter().filter_map(one).collect()
     }
 
+    /// A cause of this shape for every drive that has such a gain, unless it is zero; a tenth of the gain is its typical size.
+    fn per_drive_gain(&self, gain: &str, shape: &Cause) -> Vec<Cause> {
+        let one = |name: &str| {
+            let path = format!("{name}.{gain}");
+            let size = self.value(&path);
+            let unknown = self.theta(&path, 0.1 * size).filter(|_| size > 0.0)?;
+            Some(Cause { object: Some(name.to_owned()), unknowns: vec![unknown], ..shape.clone() })
+        };
+        self.actuators().into_iter().filter_map(one).collect()
+    }
+
     /// A cause of this shape for the mass of each of these bodies; its distribution in space stays.
     fn per_mass<'a>(&self, bodies: impl Iterator<Item = &'a String>, shape: &Cause) -> Vec<Cause> {
         let one = |body: &String| {
@@ -304,6 +317,11 @@ impl Situation<'_> {
     /// Names of the actuators, in the order of their controls.
     fn actuators(&self) -> Vec<&str> {
         self.plan.model.params().infos().iter().filter_map(|info| info.path.strip_suffix(".gear")).collect()
+    }
+
+    /// Whether an actuator is a position drive.
+    fn holds_position(&self, actuator: &str) -> bool {
+        self.plan.model.params().find(&format!("{actuator}.stiffness")).is_some()
     }
 
     /// Largest distance of a joint from its spring's rest that an encoder reads [rad or m]; 1 where none does.
@@ -448,6 +466,8 @@ pub const LIBRARY: &[Row] = &[
     row("center_of_mass", center_of_mass::causes),
     row("armature", armature::causes),
     row("torque_gain", torque_gain::causes),
+    row("drive_stiffness", drive_stiffness::causes),
+    row("drive_damping", drive_damping::causes),
     row("torque_offset", torque_offset::causes),
     row("actuator_delay", actuator_delay::causes),
     row("actuator_lag", actuator_lag::causes),

@@ -220,8 +220,8 @@ fn choose(setup: &Setup, plan: &mut Plan, logs: &Logs, options: &FitOptions) -> 
             "the residual is not noise: whitened by its own colour, the fit would leave {} where least squares leaves {}, so the model \
              lacks something; these are the least-squares values, their intervals do not cover what is lacking, and `pliant diagnose` \
              looks for it",
-            quantity_plain(whitened.rmse, plan.unit()),
-            quantity_plain(plain.rmse, plan.unit())
+            quantity_plain(whitened.rmse, plan.unit),
+            quantity_plain(plain.rmse, plan.unit)
         ));
         coloured(plan, plain)?
     } else {
@@ -289,7 +289,7 @@ pub fn fit_scene(setup: &Setup, logs: &Logs, progress: &mut dyn FnMut(&str)) -> 
     Ok(FitReport {
         schema_version: super::SCHEMA_VERSION,
         parameters,
-        unit: plan.unit().to_owned(),
+        unit: plan.unit.to_owned(),
         rmse_fit: fitted.rmse,
         rmse_held_out: held_out,
         iterations: fitted.iterations,

@@ -40,7 +40,7 @@ pub(super) fn ceiling(
         rmse: flexible,
         explained_fraction: taken(flexible),
         rmse_on_top: on_top(last)?,
-        unit: plan.unit().to_owned(),
+        unit: plan.unit.to_owned(),
         share: (taken(flexible) > 0.0).then(|| taken(after) / taken(flexible)),
     }))
 }
@@ -88,7 +88,7 @@ fn corrected(plan: &Plan, training: &[RecordPlan], judged: &[RecordPlan], values
 
 /// Observed quantities with a correction of their own: those whose errors are reported.
 fn groups_of(plan: &Plan) -> Vec<Observed> {
-    plan.observed().into_iter().filter(|o| plan.unit_of(*o) == plan.unit()).collect()
+    plan.observed().into_iter().filter(|o| plan.unit_of(*o) == plan.unit).collect()
 }
 
 /// Features and residuals of one of them in one record.

@@ -166,7 +166,7 @@ fn gain(plan: &Plan, (before, after): (&Horizon, &Horizon), noise: f64, seed: u6
         horizon_s: before.seconds,
         rmse_before: rb,
         rmse_after: ra,
-        unit: plan.unit().to_owned(),
+        unit: plan.unit.to_owned(),
         interval: ends(&interval),
         explained_fraction: if explainable > 0.0 { (rb * rb - ra * ra) / explainable } else { 0.0 },
         mean_abs,
@@ -206,7 +206,7 @@ pub(super) fn pictures(plan: &Plan, [before, after]: [&Judged; 2]) -> Result<(Ve
         let (b, a) = (run(rec, &before.by.values)?, run(again, &after.by.values)?);
         let channels = plan.channels();
         let size = |row: &[f64]| row.iter().map(|x| x * x).sum::<f64>();
-        let unit = plan.unit();
+        let unit = plan.unit;
         let candidates = plan.observed().into_iter().filter(|o| plan.unit_of(*o) == unit);
         let worst = |o: &Observed| b.residual.chunks_exact(channels).map(|row| size(&row[plan.channels_of(*o)])).sum::<f64>();
         let Some(shown) = candidates.max_by(|x, y| worst(x).total_cmp(&worst(y))) else { continue };

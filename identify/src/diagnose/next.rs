@@ -46,6 +46,13 @@ pub struct NextExperiment {
     pub pairs: Vec<ToldPair>,
 }
 
+impl NextExperiment {
+    /// Whether the chance of its likeliest pair is said as more than 0 %.
+    fn tells(&self) -> bool {
+        self.pairs.first().is_some_and(|pair| pair.chance >= 0.005)
+    }
+}
+
 /// Two alternatives that an experiment is to tell apart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ToldPair {
@@ -91,11 +98,11 @@ impl Change {
             -1.0 => Some("its commands reversed about where they begin".to_owned()),
             x => Some(format!("its commands going {x} times as far from where they begin")),
         };
-        let pace = (self.pace != 1.0).then(|| format!("commands {} times as fast", self.pace));
+        let pace = (self.pace != 1.0).then(|| format!("its commands {} times as fast", self.pace));
         let start = match self.start {
             1.0 => None,
-            -1.0 => Some("begun on the other side".to_owned()),
-            x => Some(format!("begun {x} times as far from the scene's pose")),
+            -1.0 => Some("its start on the other side of the scene's pose".to_owned()),
+            x => Some(format!("its start {x} times as far from the scene's pose")),
         };
         let all: Vec<String> = [commands, pace, start].into_iter().flatten().collect();
         if all.is_empty() { format!("{record} once more as it was") } else { format!("{record} with {}", all.join(", ")) }
@@ -183,7 +190,7 @@ pub(super) fn experiments(bench: &Bench, found: &Found) -> Result<Vec<NextExperi
             pairs,
         })
     };
-    let mut out: Vec<NextExperiment> = all.par_iter().filter_map(one).collect();
+    let mut out: Vec<NextExperiment> = all.par_iter().filter_map(one).filter(NextExperiment::tells).collect();
     out.sort_by(|a, b| b.chance.total_cmp(&a.chance).then(b.separation.total_cmp(&a.separation)));
     out.truncate(POLICY.next_experiments);
     Ok(out)
@@ -269,13 +276,25 @@ mod tests {
         let pairs = pairs(&names, &[vec![0.0, even, 1e4], vec![even, 0.0, 0.0], vec![1e4, 0.0, 0.0]]);
         assert_eq!(pairs.iter().map(|p| (p.chance * 2.0).round() as usize).collect::<Vec<_>>(), [2, 1, 0]);
         assert_eq!((pairs[1].of[0].as_str(), pairs[1].of[1].as_str()), ("wind", "drag and tilt"));
+        let experiment = |pairs: &[ToldPair]| NextExperiment {
+            record: String::new(),
+            what: String::new(),
+            commands: 1.0,
+            pace: 1.0,
+            start: 1.0,
+            separation: 0.0,
+            chance: 0.0,
+            pairs: pairs.to_vec(),
+        };
+        // what tells none of them is no experiment to do
+        assert!(experiment(&pairs).tells() && !experiment(&pairs[2..]).tells());
     }
 
     #[test]
     fn a_change_is_said_in_words() {
         assert_eq!(AGAIN.words("run1.csv"), "run1.csv once more as it was");
         let other = Change { commands: 0.0, start: 2.0, ..AGAIN };
-        let said = "run1.csv with its commands held where they begin, begun 2 times as far from the scene's pose";
+        let said = "run1.csv with its commands held where they begin, its start 2 times as far from the scene's pose";
         assert_eq!(other.words("run1.csv"), said);
     }
 }

@@ -193,6 +193,9 @@ fn pass(
     progress("fitting the baseline");
     let to_the_end = FitOptions { tolerance: POLICY.fine.tolerance, ..FitOptions::default() };
     let (prepared, mut plain) = Prepared::begun(setup, &mut plan, &to_the_end, &grids)?;
+    let scatter = prepared.seen(&plan, &plain, &grids)?.white.sigma().to_vec();
+    plan.report_worst(&plain.residuals, &scatter);
+    plain.rmse = plan.rms(&plain.residuals);
     let seen = |plain: &Fitted| prepared.seen(&plan, plain, &grids);
     // some of the records are enough to look for causes on while even the best model leaves more than noise
     let enough = plain.records.len() < plan.fitted.len() && seen(&plain)?.no_noise(&plain);
@@ -207,7 +210,7 @@ fn pass(
         let even_handed = counted(&bench, &base);
         base = counted(&bench, &bench.finished(&even_handed, &even_handed.records)?);
     }
-    journal.baseline(base.rmse, plan.unit());
+    journal.baseline(base.rmse, plan.unit);
     clock.done("baseline");
 
     let scene = opened(&setup.scene);

@@ -63,7 +63,7 @@ pub(super) fn remainder(
         by_motion,
         input_p: depends_on_input(plan, fitted)?,
         rmse: fitted.rmse,
-        unit: plan.unit().to_owned(),
+        unit: plan.unit.to_owned(),
         explained_fraction: if explainable > 0.0 { (base - fitted.rmse * fitted.rmse) / explainable } else { 0.0 },
         note,
         forms,

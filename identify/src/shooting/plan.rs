@@ -88,6 +88,8 @@ pub struct Plan {
     pub held_out: Vec<RecordPlan>,
     /// Time from which the initial state of held-out records is estimated \[s\].
     pub lead_in: Option<f64>,
+    /// The unit that errors are reported in. Channels of other units count in the fit alone.
+    pub unit: &'static str,
     /// Entries of θ that follow others, (leader, follower).
     pub followers: Vec<(usize, usize)>,
     /// The measured records where the fitted ones are pieces of them, each begun anew; else empty.
@@ -168,10 +170,12 @@ impl Plan {
             fitted: Vec::new(),
             held_out: Vec::new(),
             lead_in: setup.experiment.lead_in,
+            unit: "m",
             followers: Vec::new(),
             wholes: Arc::default(),
             journal: Arc::default(),
         };
+        plan.unit = plan.observed().first().map_or("m", |o| plan.unit_of(*o));
         let mut counts = [0; 2];
         for record in &logs.records {
             let held_out = usize::from(record.role != Role::Fit);
@@ -231,14 +235,31 @@ impl Plan {
         }
     }
 
-    /// The unit that errors are reported in: that of the first channel. Channels of other units count in the fit alone.
-    pub fn unit(&self) -> &'static str {
-        self.observed().first().map_or("m", |o| self.unit_of(*o))
+    /// Reports errors in metres or in radians, whichever positions have the larger of these errors (rows (time, channel), 0 where nothing was
+    /// measured) over the channels' scatter: what a slide does wrong is not seen in the angles of other joints.
+    pub fn report_worst(&mut self, errors: &[Vec<f64>], scatter: &[f64]) {
+        let mut worst = 0.0;
+        for unit in ["m", "rad"] {
+            let (mut sum, mut count) = (0.0, 0.0);
+            let own: Vec<(bool, f64)> = self.in_unit(unit).into_iter().zip(scatter.iter().copied()).collect();
+            for (e, (own, s)) in errors.iter().flat_map(|e| e.iter().zip(own.iter().cycle())) {
+                if *own && *e != 0.0 {
+                    (sum, count) = (sum + (e / s) * (e / s), count + 1.0);
+                }
+            }
+            let size = sum / f64::max(count, 1.0);
+            if size > worst {
+                (worst, self.unit) = (size, unit);
+            }
+        }
     }
 
     /// Whether each channel's errors are reported.
     pub fn reported(&self) -> Vec<bool> {
-        let unit = self.unit();
+        self.in_unit(self.unit)
+    }
+
+    fn in_unit(&self, unit: &str) -> Vec<bool> {
         self.observed().into_iter().flat_map(|o| std::iter::repeat_n(self.unit_of(o) == unit, o.width())).collect()
     }
 
@@ -347,4 +368,54 @@ fn place(model: &Model, marker: &Marker) -> Option<MarkerPlace> {
         left -= fraction;
     }
     None
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::log::Split;
+    use pliant_scene::Source;
+
+    /// A slide on a turning arm: what the slide does wrong is not seen in the arm's angle, which is the first that is read.
+    #[test]
+    fn errors_are_reported_where_they_are_largest_over_the_scatter() {
+        let body = |name: &str, parent: &str, kind: &str| {
+            format!(
+                "[[body]]\nname = \"{name}\"\n{parent}mass = 1.0\ninertia = [0.1, 0.1, 0.1, 0, 0, 0]\n\
+                 [[body.joint]]\nname = \"{name}_joint\"\nkind = \"{kind}\"\naxis = [0, 0, 1]\n"
+            )
+        };
+        let sensor =
+            |name: &str| format!("[[experiment.joint]]\njoint = \"{name}_joint\"\ncolumn = \"{name}\"\nnoise_floor = 1e-5\n");
+        let text = [
+            "schema_version = 1\n[time]\nstep = 0.01\nduration = 1.0\n".to_owned(),
+            body("arm", "", "revolute"),
+            body("lift", "parent = \"arm\"\n", "prismatic"),
+            "[experiment]\ntime = { column = \"t\" }\n".to_owned(),
+            sensor("arm"),
+            sensor("lift"),
+            "[[experiment.record]]\nfile = \"run.csv\"\nrole = \"fit\"\n".to_owned(),
+        ];
+        let source = Source { file: "scene.toml".to_owned(), text: text.concat() };
+        let setup = Setup::from_source(source, std::path::PathBuf::new()).unwrap();
+        let time: Vec<f64> = (0..20).map(|k| 0.01 * f64::from(k)).collect();
+        let n = time.len();
+        let record = Record {
+            time,
+            inputs: vec![Vec::new(); n],
+            markers: vec![Vec::new(); n],
+            joints: vec![vec![0.0; 2]; n],
+            orientations: vec![Vec::new(); n],
+            ..Record::default()
+        };
+        let mut plan = Plan::new(&setup, &Logs { records: vec![record], split: Split::Declared }).unwrap();
+        assert_eq!(plan.unit, "rad");
+        // of the second sample the angle was not read
+        let errors = [vec![2e-3, 1e-4, 0.0, 1e-4]];
+        plan.report_worst(&errors, &[1e-3, 1e-5]);
+        assert_eq!((plan.unit, plan.rms(&errors)), ("m", 1e-4));
+        plan.report_worst(&errors, &[1e-4, 1e-5]);
+        assert_eq!((plan.unit, plan.rms(&errors)), ("rad", 2e-3));
+    }
 }

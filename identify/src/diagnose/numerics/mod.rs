@@ -117,7 +117,7 @@ impl Shift {
             Source::Inputs(way) => Some(plan.interpolation.others()[way]),
             Source::Step | Source::Mesh => None,
         };
-        let size = format!("{}, {:.0} % of what is left", quantity_plain(rms, plan.unit()), 100.0 * part);
+        let size = format!("{}, {:.0} % of what is left", quantity_plain(rms, plan.unit), 100.0 * part);
         let note = match self.source.kind() {
             NumericsKind::Step => format!("the step of {} s moves the readings by {size}", number_plain(h)),
             NumericsKind::Mesh => format!("the length of the edges moves the readings by {size}"),
@@ -126,6 +126,6 @@ impl Shift {
                 interpolation.map_or("", |way| way.name())
             ),
         };
-        Numerics { kind: self.source.kind(), interpolation, rms, unit: plan.unit().to_owned(), part, gain, needed, note }
+        Numerics { kind: self.source.kind(), interpolation, rms, unit: plan.unit.to_owned(), part, gain, needed, note }
     }
 }

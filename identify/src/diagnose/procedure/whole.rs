@@ -41,7 +41,7 @@ pub(in super::super) fn searched_on(
             return Ok(Some(found));
         }
         let base = bench.whole(&pieces.base.fitted)?;
-        bench.plan.journal.baseline(base.rmse, bench.plan.unit());
+        bench.plan.journal.baseline(base.rmse, bench.plan.unit);
         let Some(last) = pieces.best.causes.len().checked_sub(1) else {
             return search(bench, scene, base, None, most, seed, &mut *progress).map(Some);
         };

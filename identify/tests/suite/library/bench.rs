@@ -130,6 +130,23 @@ fn columns(prefix: &str, n: usize) -> String {
 
 /// An arm of two links with a motor and an encoder at each joint, whose shoulder has a motor of known cycles per turn; `friction` bounds the dry friction of the shoulder [N·m].
 pub fn arm(friction: f64) -> Bench {
+    two_links(friction, ["kind = \"torque\""; 2])
+}
+
+/// The arm with a position drive at its shoulder and a velocity drive at its elbow.
+pub fn driven() -> Bench {
+    let inputs = |_: &Model, record: usize, t: f64| {
+        let k = record as f64;
+        vec![
+            0.5 * ((5.0 + k) * t + k).sin() + 0.2 * (14.0 * t + 2.0 * k).sin(),
+            2.0 * ((7.0 - k) * t - k).sin() + 1.5 * (15.0 * t + k).cos(),
+        ]
+    };
+    let drives = ["kind = \"position\"\nstiffness = 20.0\ndamping = 0.8", "kind = \"velocity\"\ndamping = 0.3"];
+    Bench { inputs, ..two_links(0.0, drives) }
+}
+
+fn two_links(friction: f64, drives: [&str; 2]) -> Bench {
     let link = |name: &str, place: &str, joint: &str, keys: &str| {
         format!(
             "[[body]]\nname = \"{name}\"\n{place}\nmass = 0.6\ncenter_of_mass = [0.02, 0, -0.15]\n\
@@ -138,7 +155,7 @@ pub fn arm(friction: f64) -> Bench {
     };
     let upper = link("upper", "", "shoulder", &format!("damping = 0.02\nfriction = {friction:?}\ncogging = {{ cycles = 4 }}"));
     let lower = link("lower", "parent = \"upper\"\nposition = [0, 0, -0.3]", "elbow", "damping = 0.01\nstiffness = 0.6");
-    let motor = |joint: &str| format!("[[actuator]]\nname = \"motor_{joint}\"\njoint = \"{joint}\"\nkind = \"torque\"\n");
+    let motor = |joint: &str, drive: &str| format!("[[actuator]]\nname = \"motor_{joint}\"\njoint = \"{joint}\"\n{drive}\n");
     // a seal that drags where it is turned far
     let own = "[[force]]\nname = \"seal\"\njoint = \"shoulder\"\nformula = \"-c*v*q**2\"\nparameters = { c = 0.0 }\n";
     let sensor = |joint: &str| {
@@ -150,8 +167,8 @@ pub fn arm(friction: f64) -> Bench {
     let text = format!(
         "schema_version = 1\n[time]\nstep = 0.005\nduration = 1.0\nintegrator = \"midpoint\"\n{upper}{lower}{}{}{own}\
          [experiment]\ntime = {{ column = \"t\" }}\n{}{}{}",
-        motor("shoulder"),
-        motor("elbow"),
+        motor("shoulder", drives[0]),
+        motor("elbow", drives[1]),
         sensor("shoulder"),
         sensor("elbow"),
         records(3)

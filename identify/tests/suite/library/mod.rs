@@ -66,6 +66,14 @@ const ARM: &[Row] = &[
     row("sensor_delay (elbow)", &[("elbow.position_delay", 0.003)], "actuator_delay (motor_elbow)"),
 ];
 
+const DRIVES: &[Row] = &[
+    row("drive_stiffness (motor_shoulder)", &[("motor_shoulder.stiffness", 20.4)], "armature (shoulder)"),
+    row("drive_damping (motor_elbow)", &[("motor_elbow.damping", 0.31)], "viscous_friction (elbow)"),
+    row("armature (shoulder)", &[("shoulder.armature", 1e-3)], "drive_stiffness (motor_shoulder)"),
+    row("viscous_friction (shoulder)", &[("shoulder.damping", 0.04)], "drive_stiffness (motor_shoulder)"),
+    row("viscous_friction (elbow)", &[("elbow.damping", 0.02)], "drive_damping (motor_elbow)"),
+];
+
 /// The shoulder has dry friction, in the scene as well.
 const FRICTION: &[Row] = &[
     row("viscous_friction (shoulder)", &[("shoulder.damping", 0.03)], "coulomb_friction (shoulder)"),
@@ -203,7 +211,7 @@ const CURVED: &[Row] = &[
 const SEED: u64 = 7;
 
 /// All rows, by scene.
-const TABLES: [&[Row]; 9] = [ARM, FRICTION, SLIDER, TOSS, BLOWN, ROPE, SHEET, ROD, CURVED];
+const TABLES: [&[Row]; 10] = [ARM, DRIVES, FRICTION, SLIDER, TOSS, BLOWN, ROPE, SHEET, ROD, CURVED];
 
 fn name(title: &str) -> &str {
     title.split(" (").next().unwrap_or(title)
@@ -283,6 +291,20 @@ fn derivative_error(bench: &Bench, made: &Made, row: &Row) -> f64 {
 #[test]
 fn causes_of_an_arm() {
     check(&bench::arm(0.0), ARM);
+}
+
+/// The damping of a position drive is the friction of its joint, and is no cause of its own.
+#[test]
+fn causes_of_drives() {
+    let bench = bench::driven();
+    check(&bench, DRIVES);
+    let made = bench.made(&[], SEED);
+    let at = Situation { plan: &made.plan, values: &made.values, free: &[], together: true };
+    let gains = library(&at).into_iter().filter(|cause| cause.name.starts_with("drive_"));
+    assert_eq!(
+        gains.map(|cause| cause.title()).collect::<Vec<_>>(),
+        ["drive_stiffness (motor_shoulder)", "drive_damping (motor_elbow)"]
+    );
 }
 
 #[test]
