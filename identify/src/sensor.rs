@@ -9,9 +9,10 @@
 //!
 //! A sensor at a joint reads one number x (a coordinate, a velocity or a torque):
 //! ```text
-//! y(t) = scale · x(t − time_offset − delay) + bias
+//! y(t) = scale · x(t − time_offset − delay) + bias + drift · t
 //! ```
-//! with `time_offset` that of the markers' sensor, which all sensors share, and `delay` \[s\] > 0 where this one is later still.
+//! with `time_offset` that of the markers' sensor, which all sensors share, `delay` \[s\] > 0 where this one is later still, and t = 0 at the
+//! first sample of every record.
 
 use nalgebra::{Matrix3, SVector, Vector3};
 use num_dual::{Derivative, DualNum, DualSVec64};
@@ -40,15 +41,19 @@ pub const SCALE: usize = 3;
 pub const TIME_OFFSET: usize = 7;
 
 /// Numbers of a sensor at a joint, in this order.
-pub const JOINT_ENTRIES: [&str; 3] = ["bias", "scale", "delay"];
+pub const JOINT_ENTRIES: [&str; 4] = ["bias", "scale", "delay", "drift"];
+/// Values of [`JOINT_ENTRIES`].
+pub type JointNumbers = [f64; JOINT_ENTRIES.len()];
 /// Their physical bounds. A sensor may well count backwards.
-pub const JOINT_BOUNDS: [(f64, f64); 3] = [ANY, ANY, ANY];
+pub const JOINT_BOUNDS: [(f64, f64); JOINT_ENTRIES.len()] = [ANY; JOINT_ENTRIES.len()];
 /// Index of a joint sensor's bias.
 pub const BIAS: usize = 0;
 /// Index of its scale.
 pub const GAIN: usize = 1;
 /// Index of its delay.
 pub const DELAY: usize = 2;
+/// Index of the rate at which its zero moves.
+pub const DRIFT: usize = 3;
 
 /// A position sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! Numbers to be found: entries of θ and of the sensor, as coordinates in which a fit is well scaled.
 
 use crate::form::Form;
-use crate::sensor::{SENSOR_PATHS, SENSOR_UNITS, Sensor};
+use crate::sensor::{JointNumbers, SENSOR_PATHS, SENSOR_UNITS, Sensor};
 use crate::stats::score::Sign;
 use pliant_engine::model::Model;
 use pliant_math::params::ANY;
@@ -95,7 +95,7 @@ pub struct Values {
     /// Parameters of the markers' sensor.
     pub sensor: Sensor,
     /// Bias, scale and delay of each sensor at a joint.
-    pub joints: Vec<[f64; 3]>,
+    pub joints: Vec<JointNumbers>,
     /// Offset of each marker on a rod from the centreline along the two material axes there \[m\].
     pub offsets: Vec<[f64; 2]>,
     /// Input delay of each control beyond the delay of the scene's motor \[s\].

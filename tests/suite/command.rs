@@ -368,6 +368,14 @@ fn the_built_in_example_is_diagnosed_and_reported() {
     let extended = out.join("scene_extended.toml");
     assert!(pliant(&["simulate", extended.to_str().unwrap()]).status.success());
     assert!(std::fs::read_to_string(&extended).unwrap().contains("file = \"example/run1.csv\""));
+    // A fit of it frees what was found beside what was free, stays there, and is as far from the records held out.
+    let refitted = json(&pliant(&["fit", extended.to_str().unwrap(), "--json"]));
+    let found = &diagnosis["causes"][0]["parameters"][0];
+    let number = |of: &Value, key: &str| of[key].as_f64().unwrap();
+    let whole = diagnosis["gain"].as_array().unwrap().last().unwrap();
+    assert_eq!(refitted["parameters"][1]["path"], found["path"]);
+    assert!((number(&refitted["parameters"][1], "estimate") / number(found, "estimate") - 1.0).abs() < 1e-4, "{refitted}");
+    assert!((number(&refitted, "rmse_held_out") / number(whole, "rmse_after") - 1.0).abs() < 1e-4, "{refitted}");
     // The page can be made again from the rest, the copied example included.
     let page = std::fs::read(out.join("report.html")).unwrap();
     std::fs::remove_file(out.join("report.html")).unwrap();

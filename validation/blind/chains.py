@@ -215,14 +215,15 @@ class ChainSetup(Setup):
             self.causes[f"cogging_torque:{j}"] = Cause("cogging_torque", j, (f"sine:{j}", f"cosine:{j}"))
         self.add("encoder_bias", j, f"bias:{j}", Knob(1e-3 * size, 0.2 * size, f"{j}.position_bias"))
         self.add("encoder_scale", j, f"scale:{j}", Knob(1e-3, 0.2, f"{j}.position_scale", 1.0))
+        self.add("encoder_drift", j, f"drift:{j}", Knob(1e-3 * size, 0.015 * size, f"{j}.position_drift"))
         if len(self.links) > 1:
             self.add("sensor_delay", j, f"delay:{j}", Knob(5e-4, LATEST, f"{j}.position_delay", one_sided=True))
         effects = {"magnet": 6.0 * force, "gust": 8.0 * force, "slack": 60.0 * unit}
-        effects |= {"rough": 2.0 * force, "warm": 2.0 * force, "play": 0.05 * size, "drift": 0.05 * size}
+        effects |= {"rough": 2.0 * force, "warm": 2.0 * force, "play": 0.05 * size}
         if not link.cycles:
             effects["ripple"] = 6.0 * force
         for name, largest in effects.items():
-            self.knobs[f"{name}:{j}"] = Knob(0.01 * largest, largest, one_sided=name not in ("magnet", "gust", "ripple", "drift"))
+            self.knobs[f"{name}:{j}"] = Knob(0.01 * largest, largest, one_sided=name not in ("magnet", "gust", "ripple"))
             self.outside[f"{name}:{j}"] = (f"{name}:{j}",)
 
     def of_motor(self, k: int) -> None:

@@ -46,7 +46,8 @@ NOT_REPRESENTED = {
     "stribeck": "frictionloss does not depend on the speed",
     "asymmetric_friction": "frictionloss is the same both ways",
     "cogging_torque": "no torque of a joint repeats with its position",
-    "outside": "a magnet, ripple, slack, friction by place or by time are no numbers of a model; a gust, play and drift none of a signal",
+    "encoder_drift": "a signal has a gain, a bias and a delay; its zero does not move",
+    "outside": "a magnet, ripple, slack, friction by place or by time are no numbers of a model; a gust and play none of a signal",
     "records": "a number has one value for all records; no record is left out of the fit",
 }
 

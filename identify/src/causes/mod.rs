@@ -24,6 +24,7 @@ mod drive_damping;
 mod drive_stiffness;
 mod edge_lengths;
 mod encoder_bias;
+mod encoder_drift;
 mod encoder_scale;
 mod extensibility;
 mod frame_rotation;
@@ -338,7 +339,7 @@ impl Situation<'_> {
         let encoders = self.plan.joints.iter().enumerate().filter(|(_, j)| j.quantity == JointQuantity::Position);
         let one = |(k, place): (usize, &JointPlace)| {
             let path = format!("{}.position_{}", place.joint, JOINT_ENTRIES[entry]);
-            let unit = [place.unit, "-", "s"][entry];
+            let unit = [place.unit, "-", "s", place.quantity.rate_unit(place.unit == "m")][entry];
             let unknown = Unknown::of_joint(path, unit, (k, entry), scale, bounds);
             Cause { object: Some(place.joint.clone()), unknowns: vec![unknown], ..shape.clone() }
         };
@@ -474,6 +475,7 @@ pub const LIBRARY: &[Row] = &[
     row("saturation", saturation::causes),
     row("encoder_bias", encoder_bias::causes),
     row("encoder_scale", encoder_scale::causes),
+    row("encoder_drift", encoder_drift::causes),
     row("sensor_delay", sensor_delay::causes),
     row("ground_height", ground_height::causes),
     row("contact_friction", contact_friction::causes),

@@ -30,6 +30,8 @@ pub struct FitReport {
     pub rmse_fit: f64,
     /// On the held-out records, if there are any.
     pub rmse_held_out: Option<f64>,
+    /// The same of readings in other units.
+    pub other_units: Vec<UnitResidual>,
     /// Iterations.
     pub iterations: usize,
     /// Whether it converged.
@@ -43,6 +45,17 @@ pub struct FitReport {
     pub warnings: Vec<String>,
 }
 
+/// Residuals of readings in one unit.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct UnitResidual {
+    /// The unit.
+    pub unit: String,
+    /// Root mean square residual on the fitted records.
+    pub rmse_fit: f64,
+    /// On the held-out records, if there are any.
+    pub rmse_held_out: Option<f64>,
+}
+
 impl std::fmt::Display for FitReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         for p in &self.parameters {
@@ -50,9 +63,14 @@ impl std::fmt::Display for FitReport {
             // −0 is 0
             writeln!(f, "{} = {:.6e} {}  ({interval}scene: {:.6e})", p.path, p.estimate, p.unit, p.scene_value + 0.0)?;
         }
-        writeln!(f, "residual {:.3e} {} on {} fitted records", self.rmse_fit, self.unit, self.records.fit)?;
+        let others = |of: fn(&UnitResidual) -> Option<f64>| -> String {
+            self.other_units.iter().filter_map(|o| Some(format!(", {:.3e} {}", of(o)?, o.unit))).collect()
+        };
+        let fitted = others(|o| Some(o.rmse_fit));
+        writeln!(f, "residual {:.3e} {}{fitted} on {} fitted records", self.rmse_fit, self.unit, self.records.fit)?;
         if let Some(held_out) = self.rmse_held_out {
-            writeln!(f, "residual {:.3e} {} on {} held-out records", held_out, self.unit, self.records.held_out)?;
+            let unseen = others(|o| o.rmse_held_out);
+            writeln!(f, "residual {held_out:.3e} {}{unseen} on {} held-out records", self.unit, self.records.held_out)?;
         }
         for line in &self.unidentifiable {
             writeln!(f, "not determined by these data: {line}")?;
@@ -285,13 +303,21 @@ pub fn fit_scene(setup: &Setup, logs: &Logs, progress: &mut dyn FnMut(&str)) -> 
     progress("intervals");
     let curvature = super::certainty::Curvature::new(&plan, &spread)?;
     let parameters = super::certainty::estimates(&plan, &spread, Some(&super::certainty::normal(&curvature.std_errors())));
-    let held_out = if plan.held_out.is_empty() { None } else { Some(super::gain::held_out_rmse(&plan, &fitted)?) };
+    let seen = !plan.held_out.is_empty();
+    let judged = seen.then(|| super::gain::judged(&plan, &fitted, &FitOptions::default())).transpose()?;
+    let residual = |unit: &'static str| UnitResidual {
+        unit: unit.to_owned(),
+        rmse_fit: plan.rms_in(unit, &fitted.residuals),
+        rmse_held_out: judged.as_ref().map(|judged| plan.rms_in(unit, judged.residuals())),
+    };
+    let UnitResidual { unit, rmse_fit, rmse_held_out } = residual(plan.unit);
     Ok(FitReport {
         schema_version: super::SCHEMA_VERSION,
         parameters,
-        unit: plan.unit.to_owned(),
-        rmse_fit: fitted.rmse,
-        rmse_held_out: held_out,
+        unit,
+        rmse_fit,
+        rmse_held_out,
+        other_units: plan.other_units().into_iter().map(residual).collect(),
         iterations: fitted.iterations,
         converged: fitted.converged,
         records: super::RecordCount { fit: plan.fitted_records(), held_out: plan.held_out.len() },

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// The measurements, their places in the logs, and the free parameters.
 ///
 /// A marker at p is read as y(t) = scale · R(rotation) p(t − time_offset) + bias: see `sensor` for the values, and free them as
-/// `sensor.scale` and so on in `fit`. A joint's sensor reads y(t) = scale · x(t − time_offset − delay) + bias, with values of its own
+/// `sensor.scale` and so on in `fit`. A joint's sensor reads y(t) = scale · x(t − time_offset − delay) + bias + drift · t, with values of its own
 /// for each but the time offset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -220,10 +220,11 @@ pub struct Marker {
     pub may_be_missing: bool,
 }
 
-/// A sensor at a joint of one axis: y(t) = scale · x(t − time_offset − delay) + bias, with the time offset of `sensor`.
+/// A sensor at a joint of one axis: y(t) = scale · x(t − time_offset − delay) + bias + drift · t, with the time offset of `sensor` and t = 0 at
+/// the first sample of each record.
 ///
-/// `fit` frees its values by the paths `joint.position_bias`, `joint.position_scale`, `joint.position_delay`, and likewise for
-/// `velocity` and `torque`.
+/// `fit` frees its values by the paths `joint.position_bias`, `joint.position_scale`, `joint.position_delay`, `joint.position_drift`, and
+/// likewise for `velocity` and `torque`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointSensor {
@@ -249,6 +250,9 @@ pub struct JointSensor {
     /// Delay of the reading beyond `sensor.time_offset` [s].
     #[serde(default)]
     pub delay: f64,
+    /// Rate at which the offset grows over each record [rad/s, rad/s², N·m/s; m/s, m/s², N/s].
+    #[serde(default)]
+    pub drift: f64,
     /// Smallest standard deviation of a reading that is believed [rad, rad/s, N·m; m, m/s, N]; 10⁻⁴, 10⁻³ and 10⁻³ if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_floor: Option<f64>,

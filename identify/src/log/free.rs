@@ -34,22 +34,8 @@ impl Setup {
                 let other = format!("experiment.fit.free[{first}], `{}`", free[first].path);
                 return Err(self.refuse(&at(k, "path"), LogMistake::FreeTwice { path: one.path.clone(), other }));
             }
-            let (value, low, high, unit) = match meaning {
-                Meaning::Theta(entries) => {
-                    let info = params.info(entries[0]);
-                    (params.values()[entries[0]], info.lower, info.upper, info.unit)
-                }
-                Meaning::Sensor(entry) => {
-                    let (low, high) = SENSOR_BOUNDS[*entry];
-                    (self.experiment.sensor.values().0[*entry], low, high, SENSOR_UNITS[*entry])
-                }
-                Meaning::Joint(sensor, entry) => {
-                    let (low, high) = JOINT_BOUNDS[*entry];
-                    (self.joint_values()[*sensor][*entry], low, high, self.joint_units(*sensor)[*entry])
-                }
-                Meaning::Beside(marker, axis) => (self.marker_offsets()[*marker][*axis], ANY.0, ANY.1, "m"),
-            };
-            self.bounds(k, one, (low, high), unit)?;
+            let (value, bounds, unit) = self.number(meaning, params);
+            self.bounds(k, one, bounds, unit)?;
             if value < one.lower || value > one.upper {
                 let key = if value < one.lower { "lower" } else { "upper" };
                 let mistake = LogMistake::Outside { path: one.path.clone(), value, lower: one.lower, upper: one.upper, unit };
@@ -57,6 +43,31 @@ impl Setup {
             }
         }
         Ok(())
+    }
+
+    /// Bounds that physics allows to what a path names; none if that is nothing, or free already.
+    pub(crate) fn may_be_freed(&self, path: &str, params: &Params) -> Option<(f64, f64)> {
+        let free = &self.experiment.fit.free;
+        let named = |path: &str| self.meaning(0, &Free { path: path.to_owned(), ..Free::default() }, params).ok();
+        let meaning = named(path)?;
+        let taken = free.iter().filter_map(|one| named(&one.path)).any(|other| overlap(&other, &meaning));
+        let (_, (low, high), _) = self.number(&meaning, params);
+        (!taken).then_some((if low == POSITIVE.0 { 0.0 } else { low }, high))
+    }
+
+    /// Value of what a path names, its physical bounds, and its unit.
+    fn number(&self, meaning: &Meaning, params: &Params) -> (f64, (f64, f64), &'static str) {
+        match meaning {
+            Meaning::Theta(entries) => {
+                let info = params.info(entries[0]);
+                (params.values()[entries[0]], (info.lower, info.upper), info.unit)
+            }
+            Meaning::Sensor(entry) => (self.experiment.sensor.values().0[*entry], SENSOR_BOUNDS[*entry], SENSOR_UNITS[*entry]),
+            Meaning::Joint(sensor, entry) => {
+                (self.joint_values()[*sensor][*entry], JOINT_BOUNDS[*entry], self.joint_units(*sensor)[*entry])
+            }
+            Meaning::Beside(marker, axis) => (self.marker_offsets()[*marker][*axis], ANY, "m"),
+        }
     }
 
     fn meaning(&self, k: usize, free: &Free, params: &Params) -> Result<Meaning, LogError> {

@@ -33,6 +33,18 @@ impl JointQuantity {
         }
     }
 
+    /// SI unit of its rate of change.
+    pub fn rate_unit(self, slides: bool) -> &'static str {
+        match (self, slides) {
+            (Self::Position, false) => "rad/s",
+            (Self::Position, true) => "m/s",
+            (Self::Velocity, false) => "rad/s²",
+            (Self::Velocity, true) => "m/s²",
+            (Self::Torque, false) => "N·m/s",
+            (Self::Torque, true) => "N/s",
+        }
+    }
+
     fn floor(self) -> f64 {
         if self == Self::Position { 1e-4 } else { 1e-3 }
     }
@@ -53,8 +65,8 @@ impl JointSensor {
         self.noise_floor.unwrap_or(self.measures.floor())
     }
 
-    /// Paths of its bias, scale and delay.
-    pub fn paths(&self) -> [String; 3] {
+    /// Paths of its bias, scale, delay and drift.
+    pub fn paths(&self) -> [String; JOINT_ENTRIES.len()] {
         JOINT_ENTRIES.map(|entry| format!("{}.{}_{entry}", self.joint, self.measures.name()))
     }
 }
@@ -112,6 +124,7 @@ impl Check<'_> {
             self.range(&at("scale"), sensor.scale, -1e6, 1e6, "")?;
             self.range(&at("delay"), sensor.delay, -10.0, 10.0, "s")?;
             self.range(&at("bias"), sensor.bias, -1e6, 1e6, "")?;
+            self.range(&at("drift"), sensor.drift, -1e6, 1e6, "")?;
             self.range(&at("noise_floor"), sensor.floor(), 1e-12, 1e6, "")?;
         }
         Ok(())

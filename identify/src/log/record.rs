@@ -67,6 +67,8 @@ pub struct Record {
     pub role: Role,
     /// Times of the samples [s], increasing, the first one 0.
     pub time: Vec<f64>,
+    /// Time in the whole record at which this part of it begins [s].
+    pub from: f64,
     /// Position of each marker [m], per time; NaN where a marker that may be missing is.
     pub markers: Vec<Vec<[f64; 3]>>,
     /// Reading of each sensor at a joint [rad, rad/s, N·m; m, m/s, N], per time; NaN where it may be missing and is.
@@ -176,6 +178,7 @@ impl Record {
             name: self.name.clone(),
             role: self.role,
             time: self.time[samples.clone()].iter().map(|t| t - start).collect(),
+            from: self.from + start,
             markers: self.markers[samples.clone()].to_vec(),
             joints: self.joints[samples.clone()].to_vec(),
             orientations: self.orientations[samples.clone()].to_vec(),
@@ -241,6 +244,8 @@ mod tests {
         let said: Vec<_> = parts.iter().map(|p| (p.name.as_str(), p.time.len(), p.inputs.len())).collect();
         assert_eq!(said, [("run", 25, 25), ("run from 0.55 s", 30, 30)]);
         assert!(parts[1].time[0] == 0.0 && (parts[1].time[29] - 0.29).abs() < 1e-12);
+        let from = [parts[0].from, parts[1].from, parts[1].piece(2..9, 0.02).from];
+        assert!(from.iter().zip([0.0, 0.55, 0.57]).all(|(a, b)| (a - b).abs() < 1e-12), "{from:?}");
     }
 
     #[test]

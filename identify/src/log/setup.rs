@@ -5,6 +5,7 @@ use super::error::{LogError, LogMistake};
 use super::experiment::{Experiment, Input, RecordFile, Role};
 use super::record::{Logs, Record};
 use super::{csv_file, lone, npz_file};
+use crate::sensor::{JOINT_ENTRIES, JointNumbers};
 use pliant_scene::{Control, Joint, JointKind, Place, Scene, Source, control_list, parse_source, words};
 use std::path::{Path, PathBuf};
 
@@ -124,9 +125,9 @@ impl Setup {
         self.controls().into_iter().filter(mine).collect()
     }
 
-    /// Bias, scale and delay of each sensor at a joint, as the experiment has them.
-    pub fn joint_values(&self) -> Vec<[f64; 3]> {
-        self.experiment.joint.iter().map(|sensor| [sensor.bias, sensor.scale, sensor.delay]).collect()
+    /// Bias, scale, delay and drift of each sensor at a joint, as the experiment has them.
+    pub fn joint_values(&self) -> Vec<JointNumbers> {
+        self.experiment.joint.iter().map(|sensor| [sensor.bias, sensor.scale, sensor.delay, sensor.drift]).collect()
     }
 
     /// Offset of each marker from the centreline of its rod, as given in the experiment \[m\].
@@ -147,10 +148,10 @@ impl Setup {
     }
 
     /// Units of bias, scale and delay of a sensor at a joint.
-    pub(crate) fn joint_units(&self, sensor: usize) -> [&'static str; 3] {
+    pub(crate) fn joint_units(&self, sensor: usize) -> [&'static str; JOINT_ENTRIES.len()] {
         let sensor = &self.experiment.joint[sensor];
         let slides = self.axes().iter().any(|(name, slides)| *name == sensor.joint && *slides);
-        [sensor.measures.unit(slides), "-", "s"]
+        [sensor.measures.unit(slides), "-", "s", sensor.measures.rate_unit(slides)]
     }
 
     /// Names of the joints of one axis, and whether they slide.

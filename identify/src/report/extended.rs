@@ -6,9 +6,10 @@ use super::place_cloth::{set_area, write_out};
 use super::place_rod::{node_count, set_rod};
 use super::reproduce::{Provenance, relative};
 use crate::diagnose::{Cause, Diagnosis, Estimate};
-use crate::log::{Experiment, RecordFile, SensorStart, Setup};
+use crate::log::{Experiment, Free, RecordFile, SensorStart, Setup};
 use crate::number::{estimate_plain, number_plain};
-use pliant_scene::Scene;
+use pliant_engine::model::ModelBuilder;
+use pliant_scene::{Scene, Source};
 use std::fmt::Write;
 use std::path::Path;
 use toml::{Table, Value};
@@ -16,6 +17,9 @@ use toml::{Table, Value};
 const FILE: &str = "scene_extended.toml";
 /// Lists of named objects.
 const OBJECTS: [&str; 8] = ["rope", "cloth", "gripper", "plane", "sphere", "capsule", "body", "actuator"];
+
+/// Bounds of a found number that is freed, on both sides of it, over the larger of it and the scene's.
+const FREED: f64 = 10.0;
 
 /// Keys that a scene without such an effect leaves out.
 const LEFT_OUT: [&str; 6] = ["delay", "lag", "friction_backward", "load_friction", "plastic_time", "yield"];
@@ -61,8 +65,36 @@ pub(super) fn text(diagnosis: &Diagnosis, setup: &Setup, provenance: &Provenance
             }
         }
     }
+    free_found(&mut table, diagnosis, &placed, report).map_err(at)?;
     let text = Scene::<Experiment>::table_to_text(&table).map_err(at)?;
     Ok(header + "\n" + &annotate(&text, &placed))
+}
+
+/// Frees what was found, so that `pliant fit` refits it beside what the experiment frees already: each number of an accepted cause that
+/// stands in the scene and has a path of its own there (the limits of a motor have two, and stay).
+fn free_found(
+    table: &mut Table,
+    diagnosis: &Diagnosis,
+    placed: &[(Place, &Estimate)],
+    report: &Path,
+) -> Result<(), toml::ser::Error> {
+    let text = Scene::<Experiment>::table_to_text(table)?;
+    // one that cannot be read says so where it is used
+    let Ok(mut setup) = Setup::from_source(Source { file: FILE.to_owned(), text }, report.to_owned()) else { return Ok(()) };
+    let Ok(model) = ModelBuilder::new(&setup.scene).map(ModelBuilder::build) else { return Ok(()) };
+    let of_causes: Vec<&Estimate> = diagnosis.causes.iter().chain(&diagnosis.extension).flat_map(|c| &c.parameters).collect();
+    for e in placed.iter().map(|(_, e)| *e).filter(|e| of_causes.iter().any(|own| own.path == e.path)) {
+        let reach = FREED * e.estimate.abs().max(e.scene_value.abs());
+        if let Some((low, high)) = setup.may_be_freed(&e.path, model.params()).filter(|_| reach > 0.0) {
+            let (lower, upper) = (low.max(e.estimate - reach), high.min(e.estimate + reach));
+            setup.experiment.fit.free.push(Free { path: e.path.clone(), lower, upper, prior: None });
+        }
+    }
+    let experiment = table.get_mut("experiment").and_then(Value::as_table_mut);
+    if let Some(fit) = experiment.and_then(|e| e.entry("fit").or_insert(Value::Table(Table::new())).as_table_mut()) {
+        fit.insert("free".to_owned(), Value::try_from(&setup.experiment.fit.free)?);
+    }
+    Ok(())
 }
 
 fn header(diagnosis: &Diagnosis) -> String {
@@ -267,7 +299,7 @@ mod tests {
     #![allow(clippy::unwrap_used, clippy::panic)]
     use super::super::sample;
     use super::*;
-    use pliant_scene::{Source, parse_scene};
+    use pliant_scene::parse_scene;
     use std::path::PathBuf;
 
     #[test]
@@ -293,6 +325,12 @@ mod tests {
         assert!(text.contains("#   not part of a scene, so only said here: magnet.strength = 0.3"), "{text}");
         assert!(text.contains("time_offset = 0.01  # estimated; sensor.time_offset was 0 N·m²·s"), "{text}");
         let experiment = scene.experiment.unwrap();
+        // what was found is free, between bounds that physics and its size allow; what is no part of a scene is not
+        let free: Vec<(&str, [f64; 2])> = experiment.fit.free.iter().map(|f| (f.path.as_str(), [f.lower, f.upper])).collect();
+        let bounded =
+            |(path, value): (&str, f64)| free.iter().find(|f| f.0 == path).is_some_and(|(_, b)| b[0] < value && value < b[1]);
+        assert!(bounded(("cable.bend_damping", 1.5e-4)) && found[..4].iter().all(|one| bounded(*one)), "{free:?}");
+        assert!(free.len() == 5 && free[..2].iter().all(|(_, [lower, _])| *lower == 0.0), "{free:?}");
         let sensor = SensorStart { bias: [0.0, 0.0, 0.002], time_offset: 0.01, ..SensorStart::default() };
         assert_eq!(experiment.sensor, sensor);
         assert!(experiment.record[0].file.ends_with("data/run1.csv"));

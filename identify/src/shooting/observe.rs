@@ -6,7 +6,7 @@ use super::marker_offset::At;
 use super::observed::{MarkerPlace, Observed};
 use super::run::{Pass, Shot};
 use crate::form::Place;
-use crate::sensor::{BIAS, DELAY, GAIN, TIME_OFFSET};
+use crate::sensor::{BIAS, DELAY, DRIFT, GAIN, TIME_OFFSET};
 use crate::unknown::{Target, Unknown};
 use nalgebra::{Matrix3, Vector3};
 use pliant_adjoint::Tangent;
@@ -139,8 +139,9 @@ impl Pass<'_> {
         let (place, m) = (&self.plan.joints[k], self.columns);
         let x = bodies.number(place, [&at.u[0], &at.u[1]], &self.values.theta);
         let sensor = &self.values.joints[k];
-        let y = sensor[GAIN] * x.value + sensor[BIAS];
-        let measured = self.rec.record.joints[sample][k];
+        let record = &self.rec.record;
+        let (measured, time) = (record.joints[sample][k], record.time[sample]);
+        let y = sensor[GAIN] * x.value + sensor[BIAS] + sensor[DRIFT] * (record.from + time);
         let mut rows = vec![0.0; m];
         if self.wants.tangents {
             for (by, tangents) in [(x.by_q, &at.tangents.0), (x.by_v, &at.tangents.1)] {
@@ -149,12 +150,12 @@ impl Pass<'_> {
             }
         }
         let residual = measured.is_finite().then_some([measured - y, 0.0, 0.0]);
-        let time = self.rec.record.time[sample];
         let reading = Reading { value: [y, 0.0, 0.0], residual, rows };
         let direct = |unknown: &Unknown, _: usize| match &unknown.target {
             Target::Sensor(TIME_OFFSET) => -sensor[GAIN] * x.rate,
             Target::Joint(sensor, BIAS) if *sensor == k => 1.0,
             Target::Joint(sensor, GAIN) if *sensor == k => x.value,
+            Target::Joint(sensor, DRIFT) if *sensor == k => record.from + time,
             Target::Joint(other, DELAY) if *other == k => -sensor[GAIN] * x.rate,
             Target::Form(form) if form.place == Place::Reading(k) => form.value(time, x.value, x.rate),
             Target::Sensor(_) | Target::Joint(..) | Target::Beside(..) | Target::Late(_) | Target::Form(_) => 0.0,

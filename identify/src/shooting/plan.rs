@@ -238,16 +238,11 @@ impl Plan {
     /// Reports errors in metres or in radians, whichever positions have the larger of these errors (rows (time, channel), 0 where nothing was
     /// measured) over the channels' scatter: what a slide does wrong is not seen in the angles of other joints.
     pub fn report_worst(&mut self, errors: &[Vec<f64>], scatter: &[f64]) {
+        let over: Vec<Vec<f64>> =
+            errors.iter().map(|e| e.iter().zip(scatter.iter().cycle()).map(|(e, s)| e / s).collect()).collect();
         let mut worst = 0.0;
         for unit in ["m", "rad"] {
-            let (mut sum, mut count) = (0.0, 0.0);
-            let own: Vec<(bool, f64)> = self.in_unit(unit).into_iter().zip(scatter.iter().copied()).collect();
-            for (e, (own, s)) in errors.iter().flat_map(|e| e.iter().zip(own.iter().cycle())) {
-                if *own && *e != 0.0 {
-                    (sum, count) = (sum + (e / s) * (e / s), count + 1.0);
-                }
-            }
-            let size = sum / f64::max(count, 1.0);
+            let size = self.rms_in(unit, &over);
             if size > worst {
                 (worst, self.unit) = (size, unit);
             }
@@ -265,22 +260,35 @@ impl Plan {
 
     /// The errors that are reported, of those over rows (time, channel).
     pub fn reported_errors(&self, errors: &[f64]) -> Vec<f64> {
-        let reported = self.reported();
-        errors.iter().zip(reported.iter().cycle()).filter(|(_, r)| **r).map(|(e, _)| *e).collect()
+        kept(&self.reported(), errors).collect()
+    }
+
+    /// Units that something is read in beside the reported one, each once.
+    pub fn other_units(&self) -> Vec<&'static str> {
+        let mut out: Vec<&'static str> =
+            self.observed().into_iter().map(|o| self.unit_of(o)).filter(|u| *u != self.unit).collect();
+        out.sort_unstable();
+        out.dedup();
+        out
     }
 
     /// Root mean square of the reported errors of all records; where nothing was measured an error is 0, and does not count.
     pub fn rms(&self, errors: &[Vec<f64>]) -> f64 {
-        self.mean(errors, |e| e * e).sqrt()
+        self.rms_in(self.unit, errors)
+    }
+
+    /// The same of the channels of another unit.
+    pub fn rms_in(&self, unit: &str, errors: &[Vec<f64>]) -> f64 {
+        self.mean(&self.in_unit(unit), errors, |e| e * e).sqrt()
     }
 
     /// Mean size of the reported errors of all records, likewise.
     pub fn mean_abs(&self, errors: &[Vec<f64>]) -> f64 {
-        self.mean(errors, f64::abs)
+        self.mean(&self.reported(), errors, f64::abs)
     }
 
-    fn mean(&self, errors: &[Vec<f64>], of: impl Fn(f64) -> f64) -> f64 {
-        let kept = errors.iter().flat_map(|e| self.reported_errors(e)).filter(|e| *e != 0.0);
+    fn mean(&self, own: &[bool], errors: &[Vec<f64>], of: impl Fn(f64) -> f64) -> f64 {
+        let kept = errors.iter().flat_map(|e| kept(own, e)).filter(|e| *e != 0.0);
         let (sum, count) = kept.fold((0.0, 0usize), |(sum, count), e| (sum + of(e), count + 1));
         sum / count.max(1) as f64
     }
@@ -370,6 +378,11 @@ fn place(model: &Model, marker: &Marker) -> Option<MarkerPlace> {
     None
 }
 
+/// Numbers of these channels, of those over rows (time, channel).
+fn kept<'a>(own: &'a [bool], rows: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    rows.iter().zip(own.iter().cycle()).filter(|(_, own)| **own).map(|(x, _)| *x)
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
@@ -415,6 +428,7 @@ mod tests {
         let errors = [vec![2e-3, 1e-4, 0.0, 1e-4]];
         plan.report_worst(&errors, &[1e-3, 1e-5]);
         assert_eq!((plan.unit, plan.rms(&errors)), ("m", 1e-4));
+        assert_eq!((plan.other_units(), plan.rms_in("rad", &errors)), (vec!["rad"], 2e-3));
         plan.report_worst(&errors, &[1e-4, 1e-5]);
         assert_eq!((plan.unit, plan.rms(&errors)), ("rad", 2e-3));
     }

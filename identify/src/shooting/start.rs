@@ -8,7 +8,7 @@ use super::start_bodies::body_start;
 use super::stretch_prior;
 use crate::error::IdentifyError;
 use crate::log::Record;
-use crate::sensor::{BIAS, SCALE};
+use crate::sensor::{BIAS, JointNumbers, SCALE};
 use nalgebra::{DMatrix, DVector, Vector3};
 use pliant_engine::equilibrium::{equilibrium, place_clamped};
 use pliant_engine::model::Model;
@@ -59,12 +59,12 @@ impl StartState {
     }
 
     /// The current estimate of the state (before the clamped nodes are placed), with sensors at joints of these values.
-    pub fn state(&self, model: &Model, joints: &[[f64; 3]]) -> State {
+    pub fn state(&self, model: &Model, joints: &[JointNumbers]) -> State {
         model.displaced(&self.mean, &self.change(model, joints))
     }
 
     /// The change of state from the mean.
-    pub(super) fn change(&self, model: &Model, joints: &[[f64; 3]]) -> Vec<f64> {
+    pub(super) fn change(&self, model: &Model, joints: &[JointNumbers]) -> Vec<f64> {
         let (n, nv) = (self.dofs.len(), model.nv());
         let mut out = vec![0.0; model.ndx()];
         for (row, &dof) in self.dofs.iter().enumerate() {

@@ -13,7 +13,7 @@ use super::plan::Plan;
 use super::start::local_fit;
 use crate::error::IdentifyError;
 use crate::log::{JointQuantity, Record};
-use crate::sensor::{BIAS, DELAY, GAIN};
+use crate::sensor::{BIAS, DELAY, DRIFT, GAIN};
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use pliant_math::rotation::{Map, conjugate, from_matrix, logarithm, matrix, product};
 
@@ -154,7 +154,8 @@ fn number_at(plan: &Plan, record: &Record, k: usize, sample: usize) -> Option<Kn
     let fit = local_fit(record, sample, |t| record.joints[t][k])?;
     let sensor = &plan.scene_values.joints[k];
     let late = plan.scene_values.sensor.time_offset() + sensor[DELAY];
-    let (x, rate) = ((fit.value - sensor[BIAS]) / sensor[GAIN], fit.slope / sensor[GAIN]);
+    let zero = sensor[BIAS] + sensor[DRIFT] * (record.from + record.time[sample]);
+    let (x, rate) = ((fit.value - zero) / sensor[GAIN], (fit.slope - sensor[DRIFT]) / sensor[GAIN]);
     let read = || record.joints.iter().map(|row| row[k]).filter(|x| x.is_finite());
     let n = read().count().max(1) as f64;
     let mean = read().sum::<f64>() / n;

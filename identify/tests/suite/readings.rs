@@ -1,7 +1,7 @@
 //! Sensor readings of bodies, and their derivatives by all unknowns, against central differences.
 
 use pliant_identify::log::Setup;
-use pliant_identify::sensor::{BIAS, DELAY, GAIN, TIME_OFFSET};
+use pliant_identify::sensor::{BIAS, DELAY, DRIFT, GAIN, TIME_OFFSET};
 use pliant_identify::shooting::{Plan, RecordPlan, ShotWants, shoot};
 use pliant_identify::unknown::{Unknown, Values};
 use pliant_scene::Source;
@@ -112,7 +112,7 @@ fn unknowns(plan: &Plan) -> Vec<Unknown> {
     let mut out: Vec<Unknown> =
         ["shoulder.damping", "servo.stiffness", "servo.offset", "lower.mass", "gravity.tilt[0]"].map(theta).into();
     out.extend([0, 3, 5, TIME_OFFSET].map(|entry| Unknown::of_sensor(entry, 1.0, any)));
-    out.extend([(0, BIAS), (0, GAIN), (0, DELAY), (1, DELAY), (2, GAIN)].map(|(k, entry)| joint(k, entry)));
+    out.extend([(0, BIAS), (0, GAIN), (0, DELAY), (0, DRIFT), (1, DELAY), (2, GAIN)].map(|(k, entry)| joint(k, entry)));
     out
 }
 

@@ -64,7 +64,7 @@ fn a_start_follows_the_zero_of_the_sensor_that_it_was_read_from() {
         let plan = Plan::new(&setup, &setup.read_logs(&[]).unwrap()).unwrap();
         let start = &plan.fitted[0].start;
         let begins = |bias: f64| {
-            let state = start.state(&plan.model, &[[bias, 1.0, 0.0]]);
+            let state = start.state(&plan.model, &[[bias, 1.0, 0.0, 0.0]]);
             [state.q[0], state.v[0]]
         };
         assert_relative_eq!(begins(0.0)[place], 0.3, epsilon = 1e-6);

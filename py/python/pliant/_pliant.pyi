@@ -887,8 +887,8 @@ def fit(
 
     logs: more files, read by the same mapping. progress: called with progress messages.
     The dict has the keys of the command's JSON: `parameters` (path, estimate, unit, interval,
-    scene_value), `rmse_fit` and `rmse_held_out` [m], `unidentifiable`, `warnings` (a residual that
-    is not noise, estimates at their bounds), …
+    scene_value), `rmse_fit` and `rmse_held_out` in `unit`, the same of readings in `other_units`,
+    `unidentifiable`, `warnings` (a residual that is not noise, estimates at their bounds), …
 
     Besides the parameters of the model (`Model.param_paths`), those of the markers' sensor can be
     free: `sensor.bias[0]` to `[2]` [m], `sensor.scale` [-], `sensor.rotation[0]` to `[2]` [rad],

@@ -63,6 +63,7 @@ const ARM: &[Row] = &[
         "torque_gain (motor_shoulder)",
     ),
     row("encoder_scale (shoulder)", &[("shoulder.position_scale", 1.01)], "torque_gain (motor_shoulder)"),
+    row("encoder_drift (shoulder)", &[("shoulder.position_drift", 0.01)], "encoder_scale (shoulder)"),
     row("sensor_delay (elbow)", &[("elbow.position_delay", 0.003)], "actuator_delay (motor_elbow)"),
 ];
 
