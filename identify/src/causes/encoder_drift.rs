@@ -3,8 +3,8 @@
 use super::{Cause, Situation};
 use crate::sensor::DRIFT;
 
-/// The largest drift that is believed [rad/s or m/s], a degree in a second: that of the cheapest gyroscopes whose rate is integrated. What no
-/// sensor does is no explanation: on a real pendulum a drift of four degrees in a second stood in for dynamics that the model lacked.
+/// The largest drift that is believed [rad/s or m/s], a degree in a second. What a sensor cannot do is no explanation: on a real pendulum a drift
+/// of four degrees in a second stood in for dynamics that the model lacked.
 const MOST: f64 = 0.0175;
 
 pub(super) fn causes(at: &Situation) -> Vec<Cause> {
