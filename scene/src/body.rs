@@ -68,7 +68,8 @@ impl Default for Body {
 /// A joint. Its parameters are `name.armature`, `name.damping`, `name.quadratic_damping`, `name.stiffness`,
 /// `name.cubic_stiffness`, `name.rest`, `name.friction`, `name.stiction`, `name.stribeck_velocity` and `name.limit[0..1]`, as far
 /// as its kind has them, and `name.friction_backward`, `name.load_friction`, `name.plastic_time`, `name.yield`,
-/// `name.gravity_compensation`, `name.cogging_sine` and `name.cogging_cosine` if the keys are given.
+/// `name.gravity_compensation`, `name.cogging_sine` and `name.cogging_cosine`, `name.presliding_friction` and
+/// `name.presliding_distance` if the keys are given.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
@@ -138,6 +139,9 @@ pub struct Joint {
     /// Speed at which stiction has faded by e [rad/s] or [m/s].
     #[serde(default = "stribeck")]
     pub stribeck_velocity: f64,
+    /// Friction that builds up along the way (Dahl), beside the dry friction; joints of one or two axes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub presliding: Option<Presliding>,
     /// Lowest and highest coordinate [rad] or [m]; hard stops without rebound.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limits: Option<[f64; 2]>,
@@ -183,6 +187,7 @@ impl Default for Joint {
             load_friction: None,
             stiction: 0.0,
             stribeck_velocity: stribeck(),
+            presliding: None,
             limits: None,
             start: Vec::new(),
             velocity: Vec::new(),
@@ -202,6 +207,17 @@ pub struct Cogging {
     /// Amplitude of the cosine [N·m].
     #[serde(default)]
     pub cosine: f64,
+}
+
+/// Friction that builds up along the way (Dahl's): friction · e/distance against the motion, with the elastic part e of the coordinate,
+/// e' = q' − |q'| e/distance, zero as the scene begins.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Presliding {
+    /// What it grows to [N·m] or [N].
+    pub friction: f64,
+    /// Way along which it grows to that but for a part of 1/e [rad] or [m].
+    pub distance: f64,
 }
 
 /// Kinds of joints.

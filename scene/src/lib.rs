@@ -61,7 +61,7 @@ pub mod words;
 mod write;
 
 pub use actuator::{Actuator, ActuatorKind, Command};
-pub use body::{Body, Cogging, Joint, JointKind};
+pub use body::{Body, Cogging, Joint, JointKind, Presliding};
 pub use body::{Closure, ClosureKind};
 pub use cable::{Cable, cable_scene};
 pub use check::{MOST_NODES, MOST_STEPS, available_memory, check, warnings};

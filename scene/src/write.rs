@@ -250,6 +250,9 @@ fn joint(out: &mut String, joint: &Joint) {
     given(out, "load_friction", joint.load_friction);
     differing(out, "stiction", joint.stiction, default.stiction);
     differing(out, "stribeck_velocity", joint.stribeck_velocity, default.stribeck_velocity);
+    if let Some(p) = &joint.presliding {
+        line(out, "presliding", &format!("{{ friction = {}, distance = {} }}", number(p.friction), number(p.distance)));
+    }
     list(out, "limits", joint.limits.as_ref().map_or(&[], |limits| limits), &[]);
     list(out, "start", &joint.start, &[]);
     list(out, "velocity", &joint.velocity, &[]);

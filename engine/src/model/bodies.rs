@@ -7,7 +7,7 @@ use crate::constraints::{JointFriction, JointRow, JointRowKind};
 use crate::memory::SignalPath;
 use crate::terms::joint::{
     AutomaticJoint, Cogging, CubicSpring, Damping, GravityCompensation, JointElement, JointLaw, PlasticSpring, PositionDrive,
-    QuadraticDamping, Spring, TorqueDrive, VelocityDrive,
+    Presliding, QuadraticDamping, Spring, TorqueDrive, VelocityDrive,
 };
 use nalgebra::Matrix3;
 use pliant_math::Vec3;
@@ -28,6 +28,7 @@ struct Elements {
     damping: Vec<JointElement>,
     quadratic_damping: Vec<JointElement>,
     cogging: Vec<JointElement>,
+    presliding: Vec<JointElement>,
     torque: Vec<JointElement>,
     position: Vec<JointElement>,
     velocity: Vec<JointElement>,
@@ -64,6 +65,7 @@ impl Model {
                     let constants = vec![f64::from(cogging.cycles)];
                     elements.cogging.push(JointElement { joints: vec![place], params, constants, ..JointElement::default() });
                 }
+                self.list_presliding(joint, &places, &mut elements);
                 self.list_rows(joint, parts.len(), [q.len(), v.len()]);
                 q.extend(initial_coordinates(body, joint));
                 let rest = vec![0.0; joint.kind.n_dofs()];
@@ -152,6 +154,24 @@ impl Model {
         }
     }
 
+    /// Friction that builds up along the way of each of a joint's axes, and its places in z.
+    fn list_presliding(&mut self, joint: &Joint, places: &[usize], out: &mut Elements) {
+        let Some(presliding) = joint.presliding else { return };
+        let (force, way) = if joint.kind == JointKind::Prismatic { ("N", "m") } else { ("N·m", "rad") };
+        let friction = self.params.push(format!("{}.presliding_friction", joint.name), force, NON_NEGATIVE, presliding.friction);
+        let distance = self.params.push(format!("{}.presliding_distance", joint.name), way, POSITIVE, presliding.distance);
+        for (k, &place) in places.iter().enumerate() {
+            let suffix = if places.len() > 1 { format!("[{k}]") } else { String::new() };
+            let memory = vec![self.memory.push(format!("{}.presliding{suffix}", joint.name), 0.0)];
+            out.presliding.push(JointElement {
+                joints: vec![place],
+                params: vec![friction, distance],
+                memory,
+                ..JointElement::default()
+            });
+        }
+    }
+
     fn add_actuator(&mut self, actuator: &Actuator, elements: &mut Elements) {
         let Some(joint) = self.tree.joint(&actuator.joint) else { return };
         let control = self.nu();
@@ -198,6 +218,7 @@ impl Model {
         self.add_joint_law(Damping, e.damping);
         self.add_joint_law(QuadraticDamping, e.quadratic_damping);
         self.add_joint_law(Cogging, e.cogging);
+        self.add_joint_law(Presliding, e.presliding);
         self.add_joint_law(TorqueDrive, e.torque);
         self.add_joint_law(PositionDrive, e.position);
         self.add_joint_law(VelocityDrive, e.velocity);

@@ -19,7 +19,7 @@ impl Model {
     }
 
     /// Names of the internal variables: `elbow.plastic` [rad or m] (`wrist.plastic[k]` of a ball, its rotation vector's axes),
-    /// `elbow.load` [N·m or N]; `cable.node[i].creep[k]` [-, rad], `cable.node[i].plastic[k]`, `cable.node[i].friction[k]` [-]; `motor.target`, `motor.command[k]` (k + 1 steps ago), `motor.lagged` in the unit of its control;
+    /// `elbow.load` [N·m or N], `elbow.presliding` [rad or m]; `cable.node[i].creep[k]` [-, rad], `cable.node[i].plastic[k]`, `cable.node[i].friction[k]` [-]; `motor.target`, `motor.command[k]` (k + 1 steps ago), `motor.lagged` in the unit of its control;
     /// `cable.edge[k].axis.x` [-], the reference axis of a rod's edge, and `cable.node[i].reference_twist` \[rad\].
     pub fn memory_names(&self) -> Vec<String> {
         let materials = self.memory.materials.iter().map(|(name, _)| name.clone());

@@ -76,6 +76,11 @@ fn joints() {
     refused("load_friction = 0.2", "load_friction = -1", "17: body[0].joint[0].load_friction", &["-1 -", "negative"]);
     refused("plastic_time = 0.5", "plastic_tim = 0.5", "13: body[0].joint[0].plastic_tim", &["did you mean `plastic_time`?"]);
     let more = |line: &str| format!("{line}\ncogging = {{");
+    let builds_up =
+        |friction: &str, distance: &str| more(&format!("presliding = {{ friction = {friction}, distance = {distance} }}"));
+    refused("cogging = {", &builds_up("-0.1", "0.01"), "19: body[0].joint[0].presliding.friction", &["-0.1 N·m", "negative"]);
+    refused("cogging = {", &builds_up("0.1", "0.0"), "19: body[0].joint[0].presliding.distance", &["must be positive"]);
+    refused("cogging = {", &more("presliding = { friction = 0.1 }"), "19: body[0].joint[0].presliding", &["distance"]);
     let at = "19: body[0].joint[0].quadratic_damping";
     refused("cogging = {", &more("quadratic_damping = -0.1"), at, &["-0.1 N·m·s²/rad²", "must not be negative"]);
     refused("cogging = {", &more("quadratic_damping = \"0.1\""), at, &["write 0.1 (in N·m·s²/rad², without quotes)"]);

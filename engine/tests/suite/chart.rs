@@ -4,7 +4,7 @@ use crate::common::{Case, scene};
 use pliant_engine::step::StepOptions;
 use pliant_math::State;
 
-const SCENES: [&str; 6] = ["twisting_rod", "ring", "rod_creep", "arm_free", "arm_plastic", "windy"];
+const SCENES: [&str; 7] = ["twisting_rod", "ring", "rod_creep", "arm_free", "arm_plastic", "arm_presliding", "windy"];
 
 /// Numbers without a pattern.
 fn numbers(n: usize, seed: usize) -> Vec<f64> {

@@ -3,7 +3,7 @@
 use pliant_engine::model::{Model, ModelBuilder};
 use pliant_engine::step::{StepOptions, Stepper};
 use pliant_math::State;
-use pliant_scene::{Actuator, ActuatorKind, Body, Integrator, Joint, JointKind, Scene, Time, read_scene};
+use pliant_scene::{Actuator, ActuatorKind, Body, Integrator, Joint, JointKind, Presliding, Scene, Time, read_scene};
 
 const INERTIA: f64 = 0.02;
 const ALL: [Integrator; 3] = [Integrator::Euler, Integrator::Midpoint, Integrator::Sdirk2];
@@ -218,10 +218,14 @@ fn creep_reference(torque: f64, [k, tau, d]: [f64; 3], limit: f64, until: f64) -
         let beyond = e.signum() * (e.abs() - limit).max(0.0);
         [v, (torque - k * e - d * v) / INERTIA, v - beyond / tau]
     };
+    by_runge_kutta([0.0; 3], &slope, until)
+}
+
+fn by_runge_kutta(start: [f64; 3], slope: &dyn Fn([f64; 3]) -> [f64; 3], until: f64) -> [f64; 3] {
     let add = |x: [f64; 3], s: f64, d: [f64; 3]| std::array::from_fn(|i| x[i] + s * d[i]);
     let n = 200_000;
     let h = until / f64::from(n);
-    (0..n).fold([0.0; 3], |x, _| {
+    (0..n).fold(start, |x, _| {
         let a = slope(x);
         let b = slope(add(x, 0.5 * h, a));
         let c = slope(add(x, 0.5 * h, b));
@@ -249,6 +253,74 @@ fn creep_converges_at_the_order_of_the_integrator() {
             println!("{integrator:?}, yield {limit:?}: errors {errors:?}, order {found:.2}");
             assert!((found - order).abs() < 0.15, "{integrator:?}, yield {limit:?}: order {found}, errors {errors:?}");
         }
+    }
+}
+
+/// A joint that its inertia keeps at its speed meets the friction F (1 − exp(−x/d)) after the way x, whatever the step.
+#[test]
+fn presliding_grows_along_the_way() {
+    let (friction, distance, speed) = (0.3, 0.02, -0.4);
+    for integrator in ALL {
+        for h in [0.003, 0.05, 0.4] {
+            let joint = Joint {
+                armature: 1e15,
+                velocity: vec![speed],
+                presliding: Some(Presliding { friction, distance }),
+                ..Joint::default()
+            };
+            let model = flywheel(joint, Vec::new(), h, integrator);
+            assert_eq!(model.memory_names(), ["axle.presliding"]);
+            for (k, x) in run(&model, model.initial_state(), &[0.0; 20]).iter().enumerate() {
+                let way = speed.abs() * h * (k + 1) as f64;
+                near(x.z[0], -distance * (1.0 - (-way / distance).exp()), 1e-9);
+            }
+        }
+    }
+}
+
+/// I q̈ = T − F e/d, ė = q̇ − |q̇| e/d by Runge and Kutta's method at a tiny step, from a speed against the torque.
+fn presliding_reference(torque: f64, [friction, distance]: [f64; 2], speed: f64, until: f64) -> [f64; 3] {
+    let slope = |[_, v, e]: [f64; 3]| [v, (torque - friction * e / distance) / INERTIA, v - v.abs() * e / distance];
+    by_runge_kutta([0.0, speed, 0.0], &slope, until)
+}
+
+/// Errors of q, v and e fall with the integrator's order, the turn of the motion within.
+#[test]
+fn presliding_converges_at_the_order_of_the_integrator() {
+    let (torque, law, speed, until) = (0.4, [0.3, 0.5], -1.0, 0.5);
+    let exact = presliding_reference(torque, law, speed, until);
+    assert!(exact[1] > 0.0, "it turns round");
+    for (integrator, order) in ALL.into_iter().zip([1.0, 2.0, 2.0]) {
+        let errors = [200_u16, 400, 800].map(|n| {
+            let [friction, distance] = law;
+            let presliding = Some(Presliding { friction, distance });
+            let joint = Joint { presliding, velocity: vec![speed], ..Joint::default() };
+            let motor = Actuator { offset: torque, ..Actuator::default() };
+            let model = flywheel(joint, vec![motor], until / f64::from(n), integrator);
+            let x = run(&model, model.initial_state(), &vec![0.0; usize::from(n)]).pop().unwrap();
+            let found = [x.q[0], x.v[0], x.z[0]];
+            found.iter().zip(exact).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+        });
+        let found = (errors[1] / errors[2]).log2();
+        println!("{integrator:?}: errors {errors:?}, order {found:.2}");
+        assert!((found - order).abs() < 0.15, "{integrator:?}: order {found}, errors {errors:?}");
+    }
+}
+
+/// Pushed by less than the friction a joint stays where the force has grown to the push, and let go it comes back, but not all the way.
+#[test]
+fn presliding_holds_and_gives_part_of_the_way_back() {
+    let (friction, distance, torque) = (0.3, 0.02, 0.2);
+    for integrator in ALL {
+        let joint = Joint { presliding: Some(Presliding { friction, distance }), damping: 0.6, ..Joint::default() };
+        let model = flywheel(joint, vec![Actuator { gain: torque, ..Actuator::default() }], 1e-3, integrator);
+        let commands: Vec<f64> = (0..8000).map(|k| f64::from(k < 4000).min(f64::from(k) / 2000.0)).collect();
+        let states = run(&model, model.initial_state(), &commands);
+        let (held, released) = (&states[3999], &states[7999]);
+        near(held.z[0], distance * torque / friction, 1e-3 * distance);
+        near(held.q[0], -distance * (1.0 - torque / friction).ln(), 1e-3 * distance);
+        near(released.z[0], 0.0, 1e-3 * distance);
+        assert!(released.q[0] > 0.4 * held.q[0] && released.q[0] < 0.6 * held.q[0], "{} of {}", released.q[0], held.q[0]);
     }
 }
 

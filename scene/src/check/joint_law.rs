@@ -1,5 +1,5 @@
 //! Refusing laws of joints that make no sense: creep, gravity compensation, cogging, friction that differs by
-//! direction or grows with load.
+//! direction, builds up along the way or grows with load.
 
 use super::{not_negative, positive};
 use crate::body::{Joint, JointKind};
@@ -41,6 +41,13 @@ pub(super) fn check(joint: &Joint, field: &str) -> Result<(), SceneError> {
         if cogging.cycles < FEWEST_CYCLES {
             return Err(SceneError::at(at("cogging.cycles"), Mistake::Cycles { found: cogging.cycles, fewest: FEWEST_CYCLES }));
         }
+    }
+    if let Some(presliding) = joint.presliding {
+        if numbers > 2 {
+            return refused("presliding", "friction that builds up along the way is for joints of one or two axes");
+        }
+        not_negative(&at("presliding.friction"), presliding.friction, "N·m")?;
+        positive(&at("presliding.distance"), presliding.distance, "rad")?;
     }
     for (key, value, unit) in [("friction_backward", joint.friction_backward, "N·m"), ("load_friction", joint.load_friction, "-")]
     {

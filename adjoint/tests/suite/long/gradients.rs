@@ -99,6 +99,20 @@ fn friction_of_gears() {
     }
 }
 
+/// Friction that builds up along the way, of joints that go one way and of one that turns round. It begins with nothing built up, where loading
+/// and unloading meet: that start is a kink, as dry friction of size zero is.
+#[test]
+fn presliding_of_joints() {
+    for integrator in [Integrator::Midpoint, Integrator::Euler, Integrator::Sdirk2] {
+        let case = Case::new(&with("arm_presliding", integrator), STEPS);
+        let turned = |k: usize| case.run(StepOptions::default()).states.windows(2).any(|w| w[0].v[k] * w[1].v[k] < 0.0);
+        assert!(turned(3), "the slide turns round");
+        let report = demand(&format!("arm_presliding {integrator:?}"), &case, 3);
+        let mut kinked = report.with(Verdict::Inconclusive);
+        assert!(kinked.all(|b| ["x0.z", ".friction", ".stiction"].iter().any(|end| b.name.ends_with(end))));
+    }
+}
+
 /// A delay of whole steps is a kink between shorter and longer ones; its derivative is that towards longer ones.
 #[test]
 fn a_delay_of_whole_steps_is_noticed() {

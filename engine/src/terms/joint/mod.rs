@@ -9,6 +9,7 @@ mod damping;
 mod drive;
 mod formula;
 mod plastic;
+mod presliding;
 mod spring;
 
 pub use automatic::AutomaticJoint;
@@ -18,6 +19,7 @@ pub use damping::{Damping, QuadraticDamping};
 pub use drive::{PositionDrive, TorqueDrive, VelocityDrive};
 pub use formula::ByFormula;
 pub use plastic::{PlasticSpring, relax};
+pub use presliding::Presliding;
 pub use spring::{CubicSpring, Spring};
 
 use crate::bodies::Tree;

@@ -39,13 +39,13 @@ fn mean_decay<S: Real>(y: S) -> S {
     -(-y).exp_m1() / y
 }
 
-/// The elastic part after the bending `change` on a line, from `e`; `limit`: κ_f l. See [`DahlSection`].
-pub fn stick<S: Real>(e: [S; 2], change: [S; 2], limit: S) -> [S; 2] {
+/// The elastic part after `change` on a line, from `e`; `limit`: κ_f l. See [`DahlSection`].
+pub fn stick<S: Real, const N: usize>(e: [S; N], change: [S; N], limit: S) -> [S; N] {
     let rounded = limit * SECTION.rounded;
-    let square = change[0] * change[0] + change[1] * change[1];
+    let square = change.iter().fold(S::zero(), |sum, x| sum + *x * *x);
     let way = square / ((square + rounded * rounded).sqrt() + rounded) / limit;
     let (kept, new) = ((-way).exp(), mean_decay(way));
-    [kept * e[0] + new * change[0], kept * e[1] + new * change[1]]
+    std::array::from_fn(|k| kept * e[k] + new * change[k])
 }
 
 /// e where the moment is evaluated, and κ_f l.
