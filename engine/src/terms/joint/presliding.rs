@@ -1,7 +1,7 @@
 //! Friction of a joint that builds up along the way.
 
 use super::{JointLaw, JointState};
-use crate::terms::section::stick;
+use crate::terms::section::{phase, stick};
 use pliant_math::Real;
 
 /// Dahl's friction at a joint: what touches gives way elastically before it slides. With e the elastic part of the coordinate,
@@ -18,9 +18,6 @@ use pliant_math::Real;
 /// Reference: P. R. Dahl, A Solid Friction Model, The Aerospace Corporation, TOR-0158(3107-18)-1, 1968.
 #[derive(Clone, Copy, Debug)]
 pub struct Presliding;
-
-/// |e Δq| over d² below which a joint neither loads nor unloads [-]; only the modes of a record depend on it.
-const RESTS: f64 = 1e-12;
 
 impl JointLaw for Presliding {
     fn name(&self) -> &str {
@@ -44,10 +41,8 @@ impl JointLaw for Presliding {
         p[0] * e * e / p[1] * 0.5
     }
 
-    /// 0 neither, 1 loads, 2 unloads: between the two is the kink.
     fn mode(&self, at: &JointState<f64>, p: &[f64]) -> Option<u8> {
-        let along = at.z[0] * (at.q[0] - at.q_past[0]) / (p[1] * p[1]);
-        Some(if along.abs() < RESTS { 0 } else { 1 + u8::from(along < 0.0) })
+        Some(phase(at.z[0] * (at.q[0] - at.q_past[0]) / (p[1] * p[1])))
     }
 }
 

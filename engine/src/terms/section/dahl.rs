@@ -48,6 +48,11 @@ pub fn stick<S: Real, const N: usize>(e: [S; N], change: [S; N], limit: S) -> [S
     std::array::from_fn(|k| kept * e[k] + new * change[k])
 }
 
+/// 0 neither, 1 loads, 2 unloads, between which the law has its kink; `along`: e·Δk over the square of its limit.
+pub(crate) fn phase(along: f64) -> u8 {
+    if along.abs() < SECTION.rests { 0 } else { 1 + u8::from(along < 0.0) }
+}
+
 /// e where the moment is evaluated, and κ_f l.
 fn elastic<S: Real>(at: &SectionState<S>, p: &[S]) -> ([S; 2], S) {
     let (e, limit) = ([at.memory[0], at.memory[1]], p[2] * p[0] * at.fraction);
@@ -89,11 +94,10 @@ impl RememberingSection for DahlSection {
         p[1] * ((e[0] * e[0] + e[1] * e[1]) / limit) * 0.5
     }
 
-    /// 0 neither, 1 loads, 2 unloads: between the two is the kink.
     fn mode(&self, at: &SectionState<f64>, p: &[f64]) -> Option<u8> {
         let limit = p[2] * p[0] * at.fraction;
         let along: f64 = (0..2).map(|s| at.memory[s] * (at.strain[s] - at.past[s])).sum::<f64>() / (limit * limit);
-        Some(if along.abs() < SECTION.rests { 0 } else { 1 + u8::from(along < 0.0) })
+        Some(phase(along))
     }
 }
 

@@ -17,6 +17,7 @@ mod viscous;
 
 pub use automatic::AutomaticSection;
 pub use creep::CreepSection;
+pub(crate) use dahl::phase;
 pub use dahl::{DahlSection, stick};
 pub use elastic::{Elastic, ElasticSection};
 pub use plastic::{PlasticSection, flow};
