@@ -37,12 +37,21 @@ pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>, most: f64) -> 
     let (shortest, pieces) = (shortest.max(FIT.shortest_segment), length.is_none() && wildest > most);
     if pieces {
         plan.fitted = fitted.iter().map(|rec| split(plan, rec, shortest)).collect::<Result<Vec<_>, _>>()?.concat();
-        plan.wholes = Arc::new(fitted);
+        (plan.wholes, plan.piece) = (Arc::new(fitted), shortest);
     } else {
         plan.fitted = fitted.into_iter().map(|rec| joined(plan, rec, shortest)).collect();
-        plan.wholes = Arc::default();
+        (plan.wholes, plan.piece) = (Arc::default(), f64::INFINITY);
     }
     Ok(if pieces { Cut::Pieces(shortest) } else { Cut::Joined(wildest) })
+}
+
+/// Records of which a model is asked what it was fitted for: in pieces of the plan's length where the fitted ones are pieces, since the motion is
+/// too sensitive to its beginning to be followed for longer by any model; else as they are.
+pub fn cut_alike(plan: &Plan, records: &[RecordPlan]) -> Result<Vec<RecordPlan>, IdentifyError> {
+    if !plan.in_pieces() {
+        return Ok(records.to_vec());
+    }
+    Ok(records.iter().map(|rec| split(plan, rec, plan.piece)).collect::<Result<Vec<_>, _>>()?.concat())
 }
 
 /// Length of a record's segments \[s\], and the growth of a small disturbance over the record.

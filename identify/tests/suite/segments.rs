@@ -1,10 +1,10 @@
 //! Records in segments and in pieces.
 
 use crate::pendulum::Truth;
-use pliant_identify::fit::{Cut, FitOptions, cut, fit};
+use pliant_identify::fit::{Cut, FitOptions, cut, cut_alike, fit};
 use pliant_identify::log::{Interpolation, Setup};
 use pliant_identify::sensor::DELAY;
-use pliant_identify::shooting::{Plan, ShotWants, shoot};
+use pliant_identify::shooting::{Plan, RecordPlan, ShotWants, shoot};
 use pliant_identify::unknown::Unknown;
 use pliant_scene::Source;
 use tempfile::TempDir;
@@ -44,6 +44,7 @@ fn what_is_remembered_goes_on_through_segments() {
 fn pieces_know_their_inputs_read_the_other_way() {
     let mut plan = plan(Truth { turned: 2.4, noise: 1e-5, ..Truth::default() }, "");
     let (h, whole) = (plan.model.step_length(), plan.fitted[0].clone());
+    assert_eq!(cut_alike(&plan, std::slice::from_ref(&whole)).unwrap().len(), 1);
     let read = |interpolation| whole.record.step_inputs(h, whole.inputs.len(), interpolation);
     let straight = read(Interpolation::Linear);
     let others = Interpolation::Linear.others().map(read);
@@ -53,6 +54,10 @@ fn pieces_know_their_inputs_read_the_other_way() {
     let values = plan.scene_values.clone();
     assert!(matches!(cut(&mut plan, &values, None, std::f64::consts::E).unwrap(), Cut::Pieces(_)));
     let pieces: Vec<_> = plan.fitted.iter().filter(|rec| rec.parent == 0).collect();
+    // other records are cut alike
+    let alike = cut_alike(&plan, std::slice::from_ref(&whole)).unwrap();
+    let spans = |rec: &RecordPlan| (rec.inputs.len(), rec.record.time.len());
+    assert_eq!(alike.iter().map(spans).collect::<Vec<_>>(), pieces.iter().map(|rec| spans(rec)).collect::<Vec<_>>());
     assert!(pieces.iter().any(|rec| rec.record.time[0] > 0.0));
     let mut first = 0;
     for rec in pieces {

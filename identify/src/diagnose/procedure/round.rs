@@ -10,6 +10,7 @@ use super::hypothesis::{Bench, Hypothesis, squares};
 use super::unseen::counted;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
+use crate::fit::cut_alike;
 use crate::stats::dist::chi2_quantile;
 use crate::unknown::Unknown;
 use pliant_scene::Scene;
@@ -239,7 +240,7 @@ impl<'a> Round<'a> {
             let lost = self.on_held_out(k) - self.on_held_out(parent);
             if gained - lost < needed {
                 return Ok(Some(Rejection::Doubtful(format!(
-                    "its refit gains {gained:.1} units of −2 log likelihood, and with it the held-out records lose {lost:.1}"
+                    "its refit gains {gained:.1} units of −2 log likelihood, and with it the held-out records lose {lost:.1} of them"
                 ))));
             }
         }
@@ -263,7 +264,8 @@ impl<'a> Round<'a> {
     fn on_held_out(&self, k: usize) -> f64 {
         let (plan, judged) = (self.bench.plan, &self.contest.fits[k]);
         let squares = || -> Result<f64, IdentifyError> {
-            let near = carried(judged, &prepared(plan, &plan.held_out, judged, &POLICY.fine)?);
+            let records = cut_alike(plan, &plan.held_out)?;
+            let near = carried(judged, &prepared(plan, &records, judged, &POLICY.fine)?);
             let fitted = self.bench.polished(&near, &judged.values, &[], &judged.noise, &POLICY.fine)?;
             Ok(squares(plan, &fitted, &judged.noise)? + uncertain(self.bench, &fitted)?)
         };

@@ -29,6 +29,10 @@ pub struct Truth {
     pub turned: f64,
     /// Whether commands are held from sample to sample, else they go straight.
     pub held: bool,
+    /// Whether the commands hold it near its top, by the angle and speed at each sample.
+    pub balanced: bool,
+    /// Length of a record [s].
+    pub seconds: f64,
 }
 
 /// Inertia about the axis [kg·m²], and weight times lever [N·m]: 0.5 kg at 0.3 m.
@@ -36,9 +40,8 @@ pub const INERTIA: f64 = 0.045;
 const WEIGHT: f64 = 0.5 * 9.81 * 0.3;
 /// Cycles n of cogging per turn.
 const CYCLES: u32 = 5;
-/// Rate of the log [Hz], duration [s] and steps of the truth per sample.
+/// Rate of the log [Hz], and steps of the truth per sample.
 const RATE: f64 = 100.0;
-const DURATION: f64 = 4.0;
 const FINE: usize = 50;
 
 impl Default for Truth {
@@ -59,6 +62,8 @@ impl Default for Truth {
             creep: 1e9,
             turned: 0.0,
             held: false,
+            balanced: false,
+            seconds: 4.0,
         }
     }
 }
@@ -81,21 +86,22 @@ impl Truth {
             0.5 * (2.0 * t * (1.0 + 0.3 * k) + k).sin() + 0.25 * (7.3 * t + 2.0 * k).sin()
         };
         // a scene reads its log along straight lines, so the truth is driven by the same line
-        let line = |t: f64| {
+        let line = |t: f64, back: f64| {
             let k = (t * RATE + 1e-9).floor();
             let part = if self.held { 0.0 } else { t * RATE - k };
-            (1.0 - part) * command(k / RATE) + part * command((k + 1.0) / RATE)
+            (1.0 - part) * command(k / RATE) + part * command((k + 1.0) / RATE) + back
         };
         let h = 1.0 / RATE / FINE as f64;
         let mut x = [0.6 - 0.3 * record as f64 + self.turned, 0.2 * record as f64, 0.0];
         let mut out = "t,angle,command\n".to_owned();
-        for sample in 0..=(DURATION * RATE) as usize {
+        for sample in 0..=(self.seconds * RATE) as usize {
             let t = sample as f64 / RATE;
-            let _ = writeln!(out, "{t:.5},{:.9},{:.9}", x[0] + self.bias + self.noise * noise(), line(t));
+            let back = if self.balanced { 2.0 * WEIGHT * (std::f64::consts::PI - x[0]) - 0.2 * x[1] } else { 0.0 };
+            let _ = writeln!(out, "{t:.5},{:.9},{:.9}", x[0] + self.bias + self.noise * noise(), line(t, back));
             for k in 0..FINE {
                 let t = t + k as f64 * h - self.late;
                 // a stage at the end of a step belongs to it: the next command is not yet there
-                let at = |stage: f64| line(if self.held { t + 0.5 * h } else { stage });
+                let at = |stage: f64| line(if self.held { t + 0.5 * h } else { stage }, back);
                 let f = |x: [f64; 3], t: f64| [x[1], self.acceleration(record, x, at(t)), (x[0] - x[2]) / self.creep];
                 let moved = |by: f64, d: [f64; 3]| [0, 1, 2].map(|i| x[i] + by * d[i]);
                 let a = f(x, t);
