@@ -168,6 +168,13 @@ fn motors_without_a_command_are_left_out_of_an_imported_model() {
     let torques = log(at, "torques.csv", "time,lift,turn,lift_motor,turn_torque");
     let made = pliant(&arguments(path.to_str().unwrap(), &[&torques], at.join("servo").to_str().unwrap()));
     assert!(text(&made.stdout).contains("no column commands them: turn_motor"), "{}", text(&made.stderr));
+    // What it is told may have the name of its joint.
+    let targets = log(at, "targets.csv", "time,lift,turn,lift_motor,turn_target_rad");
+    let told = at.join("told");
+    let made = pliant(&arguments(path.to_str().unwrap(), &[&targets], told.to_str().unwrap()));
+    assert!(text(&made.stdout).contains("turn_target_rad -> command of turn_motor [rad]"), "{}", text(&made.stderr));
+    let servo = std::fs::read_to_string(told.join("scene.toml")).unwrap();
+    assert!(servo.contains("columns = [\"turn_target_rad\"]\nangle_unit = \"rad\""), "{servo}");
     // A scene of one's own keeps its motors, and each needs a command.
     let own = at.join("own.toml");
     let start = scene.find("[experiment]").unwrap();

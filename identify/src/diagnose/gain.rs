@@ -1,15 +1,17 @@
 //! Step 8: the error on records that were not fitted.
 
 use super::policy::POLICY;
+use super::procedure::carried;
 use super::result::{Curve, Gain, HorizonError, Snapshot};
 use crate::error::IdentifyError;
-use crate::fit::{FitOptions, Fitted, fit};
+use crate::fit::{FitOptions, Fitted, fit, followable};
 use crate::log::LEAD_IN;
-use crate::shooting::{Observed, Plan, RecordPlan, ShotWants, shoot};
+use crate::shooting::{Observed, Plan, RecordPlan, ShotWants, pieces_by_record, shoot};
 use crate::stats::bootstrap::{LogRmseGain, RecordError, log_rmse_gain, log_rmse_gain_of_blocks};
 use crate::unknown::Values;
 use pliant_engine::model::{ClothSpan, Model};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Records with their initial states estimated from the lead-in under a fit.
 pub(super) fn prepared(
@@ -21,7 +23,7 @@ pub(super) fn prepared(
     begun(plan, records, by, options, plan.lead_in.unwrap_or(LEAD_IN))
 }
 
-/// Records with the initial states that fit their readings best under a fit, in their first seconds.
+/// Records with the initial states that fit their readings best under a fit, in their first seconds, and with the sizes of their own that do.
 fn begun(
     plan: &Plan,
     records: &[RecordPlan],
@@ -32,20 +34,24 @@ fn begun(
     if plan.at_rest || plan.given {
         return Ok(records.to_vec());
     }
-    let one = |rec: &RecordPlan| -> Result<RecordPlan, IdentifyError> {
+    let short = |rec: &RecordPlan| {
         let mut short = rec.clone();
         let keep = short.record.time.partition_point(|t| *t <= seconds + POLICY.same_time).max(POLICY.lead_in_samples);
         short.record.truncate(keep);
         let steps = ((short.record.duration() / plan.model.step_length()).ceil() as usize).max(1);
         short.inputs.truncate(steps);
+        short
+    };
+    let one = |parts: Range<usize>| -> Result<Vec<RecordPlan>, IdentifyError> {
         let fixed = FitOptions { rounds: 0, max_iterations: POLICY.lead_in_iterations, ..*options };
         let white = crate::stats::ar::ArModel::white(by.noise.sigma().to_vec())?;
-        let fitted = fit(plan, &[short], &by.values, &[], Some(&white), &fixed)?;
-        let mut out = rec.clone();
-        out.start.z.clone_from(&fitted.records[0].start.z);
-        Ok(out)
+        let begun: Vec<RecordPlan> = records[parts.clone()].iter().map(short).collect();
+        let fitted = fit(plan, &begun, &by.values, &[], Some(&white), &fixed)?;
+        let known =
+            |(rec, known): (&RecordPlan, RecordPlan)| RecordPlan { start: known.start, sizes: known.sizes, ..rec.clone() };
+        Ok(records[parts].iter().zip(fitted.records).map(known).collect())
     };
-    records.par_iter().map(one).collect()
+    Ok(pieces_by_record(records).into_par_iter().map(one).collect::<Result<Vec<_>, _>>()?.concat())
 }
 
 /// How a fit follows the records held out, horizon by horizon, the whole of the records last.
@@ -76,13 +82,14 @@ impl Judged<'_> {
     }
 }
 
-/// A fit on the records held out; where none is held out, on the fitted ones.
+/// A fit on the records held out, as far as they can be followed; where none is held out, on the fitted ones.
 ///
 /// Each record begins where the fit itself follows it best up to that horizon: a start read from a few samples is off by more than a small
-/// cause does, and the same freedom is given to every model that is compared. With an `experiment.lead_in` they begin as it says.
+/// cause does, and the same freedom is given to every model that is compared. Where a size differs between records, these have one of their own. With an `experiment.lead_in` they begin as it says.
 pub(super) fn judged<'a>(plan: &Plan, by: &'a Fitted, options: &FitOptions) -> Result<Judged<'a>, IdentifyError> {
     let known = plan.held_out.is_empty();
-    let mut records = if known { by.records.clone() } else { prepared(plan, &plan.held_out, by, options)? };
+    let mut records =
+        if known { by.records.clone() } else { prepared(plan, &carried(by, &followable(plan, &plan.held_out)?), by, options)? };
     let mut out = Vec::new();
     for seconds in horizons(plan, &records) {
         // the next start is sought from the last one: of long records a poor one leads astray
@@ -153,7 +160,11 @@ pub(super) fn horizon_errors(plan: &Plan, judged: &Judged) -> Vec<HorizonError> 
 fn gain(plan: &Plan, (before, after): (&Horizon, &Horizon), noise: f64, seed: u64) -> Result<Gain, IdentifyError> {
     let (b, a) = (&before.residuals, &after.residuals);
     let (rb, ra, mean_abs) = (plan.rms(b), plan.rms(a), [plan.mean_abs(b), plan.mean_abs(a)]);
-    let kept = |all: &[Vec<f64>]| -> Vec<Vec<f64>> { all.iter().map(|r| plan.reported_errors(r)).collect() };
+    // pieces of one record are no records of their own
+    let measured = pieces_by_record(&before.records);
+    let kept = |all: &[Vec<f64>]| -> Vec<Vec<f64>> {
+        measured.iter().map(|of| all[of.clone()].iter().flat_map(|r| plan.reported_errors(r)).collect()).collect()
+    };
     let per_sample = plan.reported().iter().filter(|r| **r).count();
     let interval = interval(&kept(b), &kept(a), per_sample, seed)?;
     let explainable = rb * rb - noise * noise;

@@ -223,6 +223,7 @@ fn pass(
     // from here on with whole records where they were followed
     let (bench, found) = on_whole.unwrap_or((&bench, found));
     let plan = bench.plan;
+    findings.extend(in_pieces(plan));
     clock.done("search");
 
     progress("checking what remains");
@@ -326,6 +327,18 @@ fn noise(plan: &Plan, fitted: &Fitted, sensor_sigma: f64) -> Noise {
         sensor_sigma,
         effective_samples: fitted.noise.effective_samples(rows / channels) * channels as f64,
     }
+}
+
+/// That held-out records are judged in pieces, if they are.
+fn in_pieces(plan: &Plan) -> Option<AuditFinding> {
+    let what = format!(
+        "a small disturbance of the motion grows a thousandfold in {} s, so held-out records are judged in pieces of no more than that",
+        number_plain(plan.followed)
+    );
+    let advice = "what a simulation does later says how the disturbance grew, and not what the model lacks; commands of a position \
+                  drive in place of its torques would hold the simulated motion as they hold the real one";
+    let longer = plan.held_out.iter().any(|rec| rec.record.duration() > plan.followed);
+    longer.then(|| AuditFinding { severity: "info".to_owned(), ..note(&what, advice) })
 }
 
 /// A finding of the audit that is about the experiment.

@@ -193,6 +193,8 @@ pub(super) struct Policy {
     /// The same of a cause whose size differs from record to record, for a law that lacks something is given another size in each, which leaves less: such ones
     /// left 0.0095 and more, right ones 0.0002 and 0.0006 *(development)*.
     pub varies_for: f64,
+    /// Spread of all other records' sizes, over the distance of one from them, below which that one is said to be alone: it is words, and decides nothing \[-\].
+    pub apart: f64,
     /// Part of the samples at either end of a variable's range that its hats leave to the outermost ones [-].
     pub form_range: f64,
     /// Hats over a range.
@@ -351,6 +353,7 @@ pub(super) const POLICY: Policy = Policy {
     form_level: 0.005,
     stands_in: 0.02,
     varies_for: 0.002,
+    apart: 0.1,
     form_range: 0.02,
     form_hats: 6,
     feeble_part: 1e-3,

@@ -1,7 +1,7 @@
 //! The verdict's reasons, in words.
 
 use super::policy::POLICY;
-use super::result::{Cause, Estimate, Gain, Noise, Numerics, NumericsKind, Remainder};
+use super::result::{Cause, Estimate, Gain, Noise, Numerics, NumericsKind, RecordSize, Remainder};
 use crate::number::{estimate_plain, number_plain, quantity_plain, share, unit};
 
 /// The causes with their sizes, what each of them takes, and the gain on records that were not fitted.
@@ -19,13 +19,28 @@ pub(super) fn named(causes: &[Cause], gain: &[Gain]) -> String {
 /// That the law is right and its size differs from record to record.
 pub(super) fn varies(causes: &[Cause], varying: &str) -> String {
     let all: Vec<String> = causes.iter().map(|c| format!("{}: {}", c.title(), sizes(c))).collect();
-    let sizes = causes.iter().filter(|c| c.title() == varying).flat_map(|c| &c.sizes);
-    let sizes: Vec<String> = sizes.map(|s| format!("{} in {}", number_plain(s.size), s.record)).collect();
+    let of = causes.iter().find(|c| c.title() == varying);
+    let (sizes, apart) = of.map_or_else(Default::default, |c| (c.sizes_by_record(), apart(&c.sizes)));
+    let alone = apart.map_or_else(String::new, |one| format!("; {} alone is apart from the others", one.record));
     format!(
-        "The data call for {}, but the size of {varying} differs between the records: {}. What it depends on is not in the model",
-        all.join(", and for "),
-        sizes.join(", ")
+        "The data call for {}, but the size of {varying} differs between the records: {sizes}{alone}. What it depends on is not in the model",
+        all.join(", and for ")
     )
+}
+
+/// The record whose size is much farther from every other than all others are from each other, if one is.
+fn apart(sizes: &[RecordSize]) -> Option<&RecordSize> {
+    let mut sorted: Vec<&RecordSize> = sizes.iter().collect();
+    sorted.sort_by(|a, b| a.size.total_cmp(&b.size));
+    let (&[first, ref above @ ..], &[ref below @ .., last]) = (&sorted[..], &sorted[..]) else { return None };
+    let far = |one: &RecordSize, others: &[&RecordSize]| {
+        let ends = others.first().zip(others.last()).filter(|_| others.len() > 1);
+        ends.is_some_and(|(low, high)| {
+            let nearest = (one.size - low.size).abs().min((one.size - high.size).abs());
+            high.size - low.size < POLICY.apart * nearest
+        })
+    };
+    if far(last, below) { Some(last) } else { Some(first).filter(|first| far(first, above)) }
 }
 
 /// That several causes fit alike. `accepted`: those that stand whichever of them is right; `by_any`: no data of this kind can tell them;
@@ -129,7 +144,7 @@ pub(super) fn refined(finer: &str, coarse: &[&Numerics]) -> String {
         let because = if coarse.is_empty() { String::new() } else { format!(": {}", notes(&coarse)) };
         out += &format!("the scene's own simulation is too coarse for these data{because}; ");
     }
-    format!("{out}this is of one with {finer}")
+    format!("{out}all that is said here was found with {finer}")
 }
 
 /// That nothing can be built on the baseline.
@@ -186,6 +201,23 @@ mod tests {
         assert_eq!(adequate(&noise(1e-3), &left), "nothing beyond the noise was found");
         let slow = adequate(&noise(3e-4), &left);
         assert!(slow.contains("1.2 mrad, is 4.0 times") && slow.contains("twice"), "{slow}");
+    }
+
+    #[test]
+    fn a_record_that_alone_is_apart_is_told() {
+        let told = |sizes: &[f64]| {
+            let all: Vec<RecordSize> =
+                (0..sizes.len()).map(|k| RecordSize { record: format!("run{k}"), size: sizes[k] }).collect();
+            apart(&all).map(|one| one.record.clone())
+        };
+        assert_eq!(told(&[0.9, 1.1, 0.90001]).as_deref(), Some("run1"));
+        assert_eq!(told(&[0.9, 0.1, 0.91, 0.905]).as_deref(), Some("run1"));
+        assert_eq!((told(&[0.9, 1.1, 1.3]), told(&[0.9, 1.1]), told(&[0.9, 0.9, 1.1, 1.1])), (None, None, None));
+        let mut payload = cause("payload", "hand.mass", 0.97, "kg", 1e3);
+        payload.sizes =
+            [("run1", 0.9), ("run2", 1.1), ("run3", 0.9)].map(|(r, size)| RecordSize { record: r.into(), size }).into();
+        let text = varies(&[payload], "payload");
+        assert!(text.contains("0.9 in run1, 1.1 in run2, 0.9 in run3; run2 alone is apart from the others. What"), "{text}");
     }
 
     fn cause(name: &str, path: &str, estimate: f64, unit: &str, statistic: f64) -> Cause {
@@ -296,12 +328,12 @@ mod tests {
             format!("the simulation's own error counts as well: {note}; 0.004 s would do")
         );
         let said = refined("a step of 0.0025 s", &[&coarse]);
-        assert!(said.contains("1 mrad, 50 % of what is left; this is of one with a step of 0.0025 s"), "{said}");
+        assert!(said.contains("1 mrad, 50 % of what is left; all that is said here was found with a step of 0.0025 s"), "{said}");
         // commands that are read otherwise are not coarse
         let held = Numerics { kind: NumericsKind::Inputs, needed: None, note: "held".into(), ..coarse.clone() };
         let [alone, both] = [vec![&held], vec![&coarse, &held]].map(|all| refined("this", &all));
         let nearer = "the data are nearer to commands that are read in another way than the scene reads them: held; ";
-        assert_eq!(alone, format!("{nearer}this is of one with this"));
+        assert_eq!(alone, format!("{nearer}all that is said here was found with this"));
         assert!(both.starts_with(nearer) && both.contains("too coarse for these data: the step of 0.01 s"), "{both}");
     }
 }

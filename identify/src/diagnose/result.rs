@@ -299,6 +299,11 @@ impl Cause {
     pub fn title(&self) -> String {
         title(&self.name, self.object.as_deref())
     }
+
+    /// Its size in every record, where these differ: `0.9 in run1.csv, 1.1 in run2.csv`.
+    pub fn sizes_by_record(&self) -> String {
+        self.sizes.iter().map(|s| format!("{} in {}", number_plain(s.size), s.record)).collect::<Vec<_>>().join(", ")
+    }
 }
 
 impl Diagnosis {

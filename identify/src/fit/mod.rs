@@ -16,4 +16,4 @@ mod segments;
 pub(crate) use constants::FIT;
 pub use lm::{FitOptions, Fitted, evenly, fit};
 pub use noise::{first_noise, fit_noise, floors};
-pub use segments::{Cut, approach, cut, cut_alike, growth};
+pub use segments::{Cut, approach, cut, followable, growth};

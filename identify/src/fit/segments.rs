@@ -4,10 +4,11 @@ use super::constants::FIT;
 use super::lm::{FitOptions, fit};
 use crate::error::IdentifyError;
 use crate::log::Record;
-use crate::shooting::{OtherInputs, Plan, RecordPlan, ShotWants, shoot, state_at};
+use crate::shooting::{OtherInputs, Plan, RecordPlan, ShotWants, pieces_by_record, shoot, state_at};
 use crate::unknown::{Unknown, Values};
 use pliant_math::State;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Segmentation of the fitted records.
@@ -28,44 +29,46 @@ pub enum Cut {
 /// without constraints instead, as long as it takes to grow e-fold: joined, every cause would look like every other, and like the initial state.
 /// The plan keeps the records as they were beside their pieces.
 pub fn cut(plan: &mut Plan, values: &Values, length: Option<f64>, most: f64) -> Result<Cut, IdentifyError> {
-    let mut fitted = std::mem::take(&mut plan.fitted);
-    let (mut shortest, mut wildest) = (f64::INFINITY, 1.0f64);
-    for rec in &mut fitted {
-        let (seconds, grown) = segment_length(plan, rec, values, length)?;
-        (shortest, wildest) = (shortest.min(seconds), wildest.max(grown));
+    let fitted = std::mem::take(&mut plan.fitted);
+    let (mut e_fold, mut wildest) = (f64::INFINITY, 1.0f64);
+    for rec in fitted.iter().filter(|rec| length.is_none() && !rec.start.is_fixed()) {
+        let whole = rec.inputs.len() as f64 * plan.model.step_length();
+        let grown = growth(plan, rec, values)?;
+        e_fold = e_fold.min(if grown <= FIT.growth { whole } else { whole / grown.ln() });
+        wildest = wildest.max(grown);
     }
-    let (shortest, pieces) = (shortest.max(FIT.shortest_segment), length.is_none() && wildest > most);
+    let segment = length.unwrap_or(e_fold.min(FIT.longest_segment)).max(FIT.shortest_segment);
+    let pieces = wildest > most;
     if pieces {
-        plan.fitted = fitted.iter().map(|rec| split(plan, rec, shortest)).collect::<Result<Vec<_>, _>>()?.concat();
-        (plan.wholes, plan.piece) = (Arc::new(fitted), shortest);
+        plan.fitted = fitted.iter().map(|rec| split(plan, rec, segment)).collect::<Result<Vec<_>, _>>()?.concat();
+        (plan.wholes, plan.followed) = (Arc::new(fitted), followed(plan, values)?);
     } else {
-        plan.fitted = fitted.into_iter().map(|rec| joined(plan, rec, shortest)).collect();
-        (plan.wholes, plan.piece) = (Arc::default(), f64::INFINITY);
+        plan.fitted = fitted.into_iter().map(|rec| joined(plan, rec, segment)).collect();
+        (plan.wholes, plan.followed) = (Arc::default(), f64::INFINITY);
     }
-    Ok(if pieces { Cut::Pieces(shortest) } else { Cut::Joined(wildest) })
+    Ok(if pieces { Cut::Pieces(segment) } else { Cut::Joined(wildest) })
 }
 
-/// Records of which a model is asked what it was fitted for: in pieces of the plan's length where the fitted ones are pieces, since the motion is
-/// too sensitive to its beginning to be followed for longer by any model; else as they are.
-pub fn cut_alike(plan: &Plan, records: &[RecordPlan]) -> Result<Vec<RecordPlan>, IdentifyError> {
-    if !plan.in_pieces() {
-        return Ok(records.to_vec());
-    }
-    Ok(records.iter().map(|rec| split(plan, rec, plan.piece)).collect::<Result<Vec<_>, _>>()?.concat())
+/// Records as far as a model can be asked to follow them: as they are, or in parts over which a disturbance grows a thousandfold where the fitted ones are
+/// in pieces. The rest of a longer one says how a disturbance grew, of any model.
+pub fn followable(plan: &Plan, records: &[RecordPlan]) -> Result<Vec<RecordPlan>, IdentifyError> {
+    let one = |rec: &RecordPlan| {
+        let (whole, parts) = (rec.record.duration(), (rec.record.duration() / plan.followed).ceil());
+        if parts > 1.0 { split(plan, rec, whole / parts) } else { Ok(vec![rec.clone()]) }
+    };
+    Ok(records.iter().map(one).collect::<Result<Vec<_>, _>>()?.concat())
 }
 
-/// Length of a record's segments \[s\], and the growth of a small disturbance over the record.
-fn segment_length(plan: &Plan, rec: &RecordPlan, values: &Values, length: Option<f64>) -> Result<(f64, f64), IdentifyError> {
-    let whole = rec.inputs.len() as f64 * plan.model.step_length();
-    if let Some(length) = length {
-        return Ok((length, 1.0));
-    }
-    if rec.start.is_fixed() {
-        return Ok((f64::INFINITY, 1.0));
-    }
-    let grown = growth(plan, rec, values)?;
-    let lyapunov = if grown <= FIT.growth { whole } else { whole / grown.ln() };
-    Ok((lyapunov.min(FIT.longest_segment), grown))
+/// Time in which a disturbance of a plan in pieces grows a thousandfold \[s\], in the record where it does so first. Its growth is that along the pieces,
+/// which lie at the readings: what was balanced and is simulated as a whole lies at the bottom soon, where nothing grows.
+fn followed(plan: &Plan, values: &Values) -> Result<f64, IdentifyError> {
+    let growths = plan.fitted.par_iter().map(|rec| growth(plan, rec, values)).collect::<Result<Vec<_>, _>>()?;
+    let rate = |of: Range<usize>| {
+        let steps: usize = plan.fitted[of.clone()].iter().map(|rec| rec.inputs.len()).sum();
+        growths[of].iter().map(|grown| grown.ln()).sum::<f64>() / (steps as f64 * plan.model.step_length())
+    };
+    let fastest = pieces_by_record(&plan.fitted).into_iter().map(rate).fold(0.0, f64::max);
+    Ok(FIT.growth_followed.ln() / fastest)
 }
 
 /// Growth of a small disturbance of the initial state over a record.

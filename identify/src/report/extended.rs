@@ -65,6 +65,11 @@ pub(super) fn text(diagnosis: &Diagnosis, setup: &Setup, provenance: &Provenance
             }
         }
     }
+    for cause in diagnosis.causes.iter().chain(&diagnosis.extension).filter(|cause| !cause.sizes.is_empty()) {
+        let sizes = cause.sizes_by_record().replace(char::is_control, " ");
+        let _ =
+            writeln!(header, "#   {} differs between the records, and no single value follows them all: {sizes}", cause.title());
+    }
     free_found(&mut table, diagnosis, &placed, report).map_err(at)?;
     let text = Scene::<Experiment>::table_to_text(&table).map_err(at)?;
     Ok(header + "\n" + &annotate(&text, &placed))

@@ -121,8 +121,13 @@ pub fn summary(d: &Diagnosis) -> String {
             };
             let _ = write!(
                 out,
-                "\nheld-out error over {} s: {} -> {}, {factor}, {} of what can be explained",
+                "\nheld-out error over {} s{}: {} -> {}, {factor}, {} of what can be explained",
                 number_plain(g.horizon_s),
+                if d.causes.iter().chain(&d.extension).any(|c| !c.sizes.is_empty()) {
+                    ", with sizes of each record's own"
+                } else {
+                    ""
+                },
                 quantity_plain(g.rmse_before, &g.unit),
                 quantity_plain(g.rmse_after, &g.unit),
                 share(g.explained_fraction)

@@ -94,8 +94,8 @@ pub struct Plan {
     pub followers: Vec<(usize, usize)>,
     /// The measured records where the fitted ones are pieces of them, each begun anew; else empty.
     pub wholes: Arc<Vec<RecordPlan>>,
-    /// Length of such pieces \[s\]; infinite where records are whole.
-    pub piece: f64,
+    /// Time over which records in pieces can be followed \[s\]; infinite where they are whole.
+    pub followed: f64,
     /// Progress of the diagnosis that it belongs to.
     pub journal: Arc<Journal>,
 }
@@ -175,7 +175,7 @@ impl Plan {
             unit: "m",
             followers: Vec::new(),
             wholes: Arc::default(),
-            piece: f64::INFINITY,
+            followed: f64::INFINITY,
             journal: Arc::default(),
         };
         plan.unit = plan.observed().first().map_or("m", |o| plan.unit_of(*o));

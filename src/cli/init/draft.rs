@@ -3,7 +3,7 @@
 use super::super::failure::Failure;
 use super::clock;
 use super::log::Log;
-use super::matching::{Matches, Mistake, columns};
+use super::matching::{Driven, Matches, Mistake, columns};
 use super::names::{self, Quantity};
 use super::{advice, drives, stops, units};
 use pliant::identify::log::{Experiment, Gaps, Setup};
@@ -43,7 +43,8 @@ impl Draft {
         let mut model = Model::read(model, logs, longest, &mut assumed)?;
         let header: Vec<&str> = first.header.iter().map(String::as_str).collect();
         let joints: Vec<&str> = model.joints.iter().map(|(name, _)| name.as_str()).collect();
-        let actuators: Vec<&str> = model.actuators.iter().map(|(name, _)| name.as_str()).collect();
+        let actuators: Vec<Driven> =
+            model.actuators.iter().map(|(name, joint)| Driven { name, joint, servo: model.servos.contains(name) }).collect();
         let found = columns(&header, first.clock, &joints, &actuators).map_err(|mistake| unmatched(first, &model, &mistake))?;
         let mut experiment = String::from("\n[experiment]\n");
         clock_of(first, &mut experiment, &mut assumed);
@@ -115,8 +116,10 @@ impl Model {
             assumed.push("the integrator is `euler`, of first order, for impacts: of stops, or of shapes that touch".to_owned());
         }
         let header: Vec<&str> = log.header.iter().map(String::as_str).collect();
-        let names: Vec<&str> = scene.actuator.iter().map(|a| a.name.as_str()).collect();
-        let known = columns(&header, log.clock, &[], &names).unwrap_or_default();
+        let servo = |a: &Actuator| a.kind != ActuatorKind::Torque;
+        let actuators: Vec<Driven> =
+            scene.actuator.iter().map(|a| Driven { name: &a.name, joint: &a.joint, servo: servo(a) }).collect();
+        let known = columns(&header, log.clock, &[], &actuators).unwrap_or_default();
         let torques = |joint: &str| {
             let all = columns(&header, log.clock, &[joint], &[]).unwrap_or_default();
             all.found.iter().any(|m| matches!(m.quantity, Quantity::Torque | Quantity::CommandedTorque))
@@ -166,7 +169,7 @@ fn sensors(
         let (measures, per) = match m.quantity {
             Quantity::Position => ("position", ""),
             Quantity::Velocity => ("velocity", "/s"),
-            Quantity::Torque | Quantity::CommandedTorque | Quantity::Command => continue,
+            Quantity::Torque | Quantity::CommandedTorque | Quantity::Command | Quantity::Target => continue,
         };
         seen = true;
         let column = &first.header[m.column];

@@ -20,7 +20,7 @@ pub fn inputs(
     for m in &found.found {
         let column = &log.header[m.column];
         let actuator = match m.quantity {
-            Quantity::Position | Quantity::Velocity => continue,
+            Quantity::Position | Quantity::Velocity | Quantity::Target => continue,
             Quantity::Command => Some(m.object.clone()),
             Quantity::Torque | Quantity::CommandedTorque => motor(model, found, m, column, assumed),
         };
@@ -40,7 +40,10 @@ pub fn inputs(
             place: log.path.display().to_string(),
             what: format!("no column has the command of actuator `{name}` at joint `{joint}`"),
             cause: "the log has none, or its column has another name",
-            fix: format!("name a column `{name}` or `{joint}_torque`, or take the actuator out of the model"),
+            fix: format!(
+                "name a column `{name}` or `{joint}_{}`, or take the actuator out of the model",
+                if model.servos.contains(name) { "cmd" } else { "torque" }
+            ),
         }),
         None => Ok(()),
     }
@@ -93,7 +96,8 @@ pub fn without(log: &Log, model: &Model, found: &Matches, assumed: &mut Vec<Stri
                 cause: "the name is not that of a joint with a quantity and a unit, or the column is no torque",
                 fix: format!(
                     "name it {} (also `_mNm`, `_Nmm`, `_Ncm`; multiply currents by the motor's constant), or leave it out with \
-                     `--leave-out \"{name}\"` if it drove nothing",
+                     `--leave-out \"{name}\"` if it drove nothing; what a position controller was told needs an actuator of kind \
+                     \"position\" at the joint in the model",
                     options.join(" or ")
                 ),
             });

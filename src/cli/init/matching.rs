@@ -15,6 +15,17 @@ pub struct Match {
     pub unit: Option<&'static str>,
 }
 
+/// An actuator that a column may command.
+#[derive(Clone, Copy, Debug)]
+pub struct Driven<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// The joint that it drives.
+    pub joint: &'a str,
+    /// Whether it is told a position or a velocity, and no torque.
+    pub servo: bool,
+}
+
 /// The columns of a log, sorted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Matches {
@@ -48,8 +59,8 @@ pub fn clock(header: &[&str]) -> Result<usize, Mistake> {
 }
 
 /// Matches the columns beside the clock with joints and actuators. A name without a quantity is a joint's position, and an
-/// actuator's command where no joint has that name.
-pub fn columns(header: &[&str], clock: usize, joints: &[&str], actuators: &[&str]) -> Result<Matches, Mistake> {
+/// actuator's command where no joint has that name. A command may also name the joint of an actuator that is the only one there.
+pub fn columns(header: &[&str], clock: usize, joints: &[&str], actuators: &[Driven]) -> Result<Matches, Mistake> {
     let mut out = Matches::default();
     for (column, name) in header.iter().enumerate().filter(|(column, _)| *column != clock) {
         match one(column, name, joints, actuators) {
@@ -65,24 +76,33 @@ pub fn columns(header: &[&str], clock: usize, joints: &[&str], actuators: &[&str
     if out.found.is_empty() { Err(Mistake::Nothing) } else { Ok(out) }
 }
 
-fn one(column: usize, name: &str, joints: &[&str], actuators: &[&str]) -> Option<Match> {
+fn one(column: usize, name: &str, joints: &[&str], actuators: &[Driven]) -> Option<Match> {
     let reading = names::read(name);
     let named = |known: &[&str], wanted: &str| known.iter().find(|k| names::plain(k) == wanted).map(|k| (*k).to_owned());
+    let called = |wanted: &str| actuators.iter().find(|a| names::plain(a.name) == wanted);
+    let alone_at = |joint: &str| {
+        let mut there = actuators.iter().filter(|a| names::plain(a.joint) == joint);
+        there.next().filter(|_| there.next().is_none())
+    };
+    let driven = |a: &Driven| a.name.to_owned();
     let make = |object, quantity| Match { column, object, quantity, unit: reading.unit };
     // the whole name first: an object may be called `force_sensor` or `arm_q`
     let whole = names::plain(name);
     if let Some(joint) = named(joints, &whole) {
         return Some(Match { unit: None, ..make(joint, Quantity::Position) });
     }
-    if let Some(actuator) = named(actuators, &whole) {
-        return Some(Match { unit: None, ..make(actuator, Quantity::Command) });
+    if let Some(actuator) = called(&whole) {
+        return Some(Match { unit: None, ..make(driven(actuator), Quantity::Command) });
     }
     match reading.quantity {
-        Some(Quantity::Command) => named(actuators, &reading.object).map(|object| make(object, Quantity::Command)),
+        Some(kind @ (Quantity::Command | Quantity::Target)) => called(&reading.object)
+            .or_else(|| alone_at(&reading.object))
+            .filter(|a| kind == Quantity::Command || a.servo)
+            .map(|a| make(driven(a), Quantity::Command)),
         Some(quantity) => named(joints, &reading.object).map(|object| make(object, quantity)),
         None => named(joints, &reading.object)
             .map(|object| make(object, Quantity::Position))
-            .or_else(|| named(actuators, &reading.object).map(|object| make(object, Quantity::Command))),
+            .or_else(|| called(&reading.object).map(|a| make(driven(a), Quantity::Command))),
     }
 }
 
@@ -95,7 +115,7 @@ mod tests {
     fn columns_find_their_joints() {
         let header = ["time_ms", "Shoulder_pos_deg", "elbow.vel", "tau_elbow", "cmd_motor", "temperature"];
         assert_eq!(clock(&header), Ok(0));
-        let matches = columns(&header, 0, &["shoulder", "elbow"], &["motor"]).unwrap();
+        let matches = columns(&header, 0, &["shoulder", "elbow"], &[driven("motor", "elbow", false)]).unwrap();
         let said: Vec<_> = matches.found.iter().map(|m| (m.column, m.object.as_str(), m.quantity, m.unit)).collect();
         let expected = [
             (1, "shoulder", Quantity::Position, Some("deg")),
@@ -105,6 +125,27 @@ mod tests {
         ];
         assert_eq!(said, expected);
         assert_eq!(matches.ignored, [5]);
+    }
+
+    fn driven<'a>(name: &'a str, joint: &'a str, servo: bool) -> Driven<'a> {
+        Driven { name, joint, servo }
+    }
+
+    /// A command may have the name of its joint, if one actuator is there; a target position is told to a servo only.
+    #[test]
+    fn commands_find_the_actuator_of_their_joint() {
+        let all = [
+            driven("m_1", "shoulder", true),
+            driven("m_2", "elbow", false),
+            driven("m_3", "wrist", true),
+            driven("m_4", "wrist", true),
+        ];
+        let header = ["t", "shoulder_target_rad", "elbow_cmd_Nm", "elbow_setpoint", "wrist_cmd", "m_4_cmd"];
+        let matches = columns(&header, 0, &["shoulder", "elbow", "wrist"], &all).unwrap();
+        let said: Vec<_> = matches.found.iter().map(|m| (m.column, m.object.as_str(), m.quantity, m.unit)).collect();
+        let command = Quantity::Command;
+        assert_eq!(said, [(1, "m_1", command, Some("rad")), (2, "m_2", command, Some("Nm")), (5, "m_4", command, None)]);
+        assert_eq!(matches.ignored, [3, 4]);
     }
 
     #[test]

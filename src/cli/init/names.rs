@@ -13,6 +13,8 @@ pub enum Quantity {
     CommandedTorque,
     /// Command of an actuator.
     Command,
+    /// Position or velocity that a joint was told to have.
+    Target,
 }
 
 /// A reading of a column's name.
@@ -30,9 +32,9 @@ const POSITION: [&str; 5] = ["q", "pos", "position", "angle", "theta"];
 const VELOCITY: [&str; 5] = ["qd", "dq", "qdot", "vel", "velocity"];
 const TORQUE: [&str; 4] = ["effort", "tau", "torque", "force"];
 const COMMAND: [&str; 4] = ["u", "cmd", "command", "ctrl"];
+const TARGET: [&str; 6] = ["desired", "des", "target", "setpoint", "ref", "reference"];
 /// Words of what drives a joint without being its torque or the command of an actuator.
-const DRIVE: [&str; 12] =
-    ["current", "amps", "voltage", "volts", "pwm", "duty", "desired", "des", "target", "setpoint", "ref", "reference"];
+const DRIVE: [&str; 6] = ["current", "amps", "voltage", "volts", "pwm", "duty"];
 /// Words that names of columns may end in, and the unit as scenes write it. "Per second" of a velocity is left out.
 const UNITS: [(&[&str], &str); 43] = [
     (&["rad"], "rad"),
@@ -109,16 +111,19 @@ fn quantity(word: &str) -> Option<Quantity> {
         (&VELOCITY[..], Quantity::Velocity),
         (&TORQUE[..], Quantity::Torque),
         (&COMMAND[..], Quantity::Command),
+        (&TARGET[..], Quantity::Target),
     ];
     kinds.into_iter().find(|(known, _)| known.contains(&word)).map(|(_, kind)| kind)
 }
 
 /// What one or two words say together.
 fn quantities(words: &[String]) -> Option<Quantity> {
+    use Quantity::{Command, CommandedTorque, Position, Target, Torque, Velocity};
     let kinds: Vec<Quantity> = words.iter().map(|word| quantity(word)).collect::<Option<_>>()?;
     match kinds[..] {
         [kind] => Some(kind),
-        [Quantity::Torque, Quantity::Command] | [Quantity::Command, Quantity::Torque] => Some(Quantity::CommandedTorque),
+        [Torque, Command | Target] | [Command | Target, Torque] => Some(CommandedTorque),
+        [Position | Velocity, Command | Target] | [Command | Target, Position | Velocity] => Some(Target),
         _ => None,
     }
 }
@@ -142,7 +147,8 @@ pub fn read(name: &str) -> Reading {
 
 /// The word by which a column looks like a torque or a command, if one does. Numbers behind it do not count: `tau1`.
 pub fn drive(name: &str) -> Option<String> {
-    let drives = |word: &str| TORQUE.contains(&word) || COMMAND.contains(&word) || DRIVE.contains(&word);
+    let drives =
+        |word: &str| TORQUE.contains(&word) || COMMAND.contains(&word) || TARGET.contains(&word) || DRIVE.contains(&word);
     words(name).into_iter().find(|word| drives(word.trim_end_matches(char::is_numeric)))
 }
 
@@ -182,6 +188,9 @@ mod tests {
         }
         for name in ["elbow_cmd_torque", "elbow_torque_cmd", "elbow_effort_cmd", "cmd_effort_elbow"] {
             is(name, "elbow", Some(Quantity::CommandedTorque), None);
+        }
+        for name in ["elbow_pos_cmd_rad", "elbow_desired [rad]", "target_q_elbow_rad", "elbow_setpoint_rad"] {
+            is(name, "elbow", Some(Quantity::Target), Some("rad"));
         }
         is("joint1PosDegrees", "joint1", Some(Quantity::Position), Some("deg"));
         is("elbow (rad)", "elbow", None, Some("rad"));

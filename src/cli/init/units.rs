@@ -16,7 +16,7 @@ pub const fn positions(slides: bool) -> &'static [(&'static str, f64)] {
 pub fn of(log: &Log, model: &Model, m: &Match) -> Result<(&'static str, &'static str), Failure> {
     let servo = model.servos.contains(&m.object);
     let is_torque = match m.quantity {
-        Quantity::Position | Quantity::Velocity => false,
+        Quantity::Position | Quantity::Velocity | Quantity::Target => false,
         Quantity::Torque | Quantity::CommandedTorque => true,
         Quantity::Command => !servo,
     };

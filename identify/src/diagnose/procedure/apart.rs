@@ -129,7 +129,7 @@ pub(super) fn spread_of(fitted: &Fitted, numbers: &[Unknown]) -> f64 {
 }
 
 /// Records with room for the own sizes that a fit has in its records: the deviations are known where they were estimated, and 0 elsewhere.
-pub(super) fn carried(fitted: &Fitted, records: &[RecordPlan]) -> Vec<RecordPlan> {
+pub(in super::super) fn carried(fitted: &Fitted, records: &[RecordPlan]) -> Vec<RecordPlan> {
     let Some(first) = fitted.records.first() else { return records.to_vec() };
     let one = |rec: &RecordPlan| {
         let same = |known: &&RecordPlan| known.parent == rec.parent && known.record.role == rec.record.role;

@@ -31,6 +31,7 @@ mod unseen;
 mod whole;
 
 pub(super) use across::solved;
+pub(super) use apart::carried;
 pub(super) use coarse::Coarse;
 pub(super) use hypothesis::{Bench, Hypothesis};
 pub(super) use round::Evidence;

@@ -10,7 +10,7 @@ use super::hypothesis::{Bench, Hypothesis, squares};
 use super::unseen::counted;
 use crate::causes::Cause;
 use crate::error::IdentifyError;
-use crate::fit::cut_alike;
+use crate::fit::followable;
 use crate::stats::dist::chi2_quantile;
 use crate::unknown::Unknown;
 use pliant_scene::Scene;
@@ -264,7 +264,7 @@ impl<'a> Round<'a> {
     fn on_held_out(&self, k: usize) -> f64 {
         let (plan, judged) = (self.bench.plan, &self.contest.fits[k]);
         let squares = || -> Result<f64, IdentifyError> {
-            let records = cut_alike(plan, &plan.held_out)?;
+            let records = followable(plan, &plan.held_out)?;
             let near = carried(judged, &prepared(plan, &records, judged, &POLICY.fine)?);
             let fitted = self.bench.polished(&near, &judged.values, &[], &judged.noise, &POLICY.fine)?;
             Ok(squares(plan, &fitted, &judged.noise)? + uncertain(self.bench, &fitted)?)

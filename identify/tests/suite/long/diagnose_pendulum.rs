@@ -103,6 +103,11 @@ fn a_cause_of_a_motion_that_cannot_be_replayed_is_named() {
     assert_eq!((d.verdict, titles), (Verdict::Named, vec!["viscous_friction (pivot)".to_owned()]), "{}", d.reason);
     let e = &d.causes[0].parameters[0];
     assert!((e.estimate / 0.01 - 1.0).abs() < 0.01, "{e:?}");
+    // and the gain is that of pieces, which the model follows to the scatter of the readings
+    let gain = &d.gain[d.gain.len() - 1];
+    assert!(d.audit.iter().any(|f| f.what.contains("judged in pieces")), "{:?}", d.audit);
+    assert!(gain.horizon_s < 4.0 && gain.rmse_after < 1.1e-4 && gain.rmse_before > 2.0 * gain.rmse_after, "{gain:?}");
+    assert!(gain.interval.is_some_and(|[low, _]| low > 0.0), "{gain:?}");
 }
 
 /// Verdict ambiguous, with these among the alternatives.
@@ -168,6 +173,9 @@ fn a_size_that_differs_from_record_to_record_is_said_to_vary() {
     for (size, truth) in sizes.iter().zip([0.008, 0.012, 0.016]) {
         assert!((size / truth - 1.0).abs() < 0.1, "{sizes:?}");
     }
+    // the record held out has 0.020, and is judged with a size of its own
+    let gain = &d.gain[d.gain.len() - 1];
+    assert!(gain.rmse_after < 1.05 * d.noise.sensor_sigma, "{gain:?} {:?}", d.noise);
 }
 
 /// Steps as long as the time between samples leave several times the noise: no cause may make up for it, and a finer step is taken.
