@@ -62,6 +62,11 @@ impl Beside {
         part * (2.0 * with_residual - part * square)
     }
 
+    /// What nothing fitted takes up of a change, over what is left \[-\].
+    pub fn over_left(&self, change: usize) -> f64 {
+        (self.off_the_fit(change)[1].max(0.0) / self.reduced.rss().max(f64::MIN_POSITIVE)).sqrt()
+    }
+
     /// Δᵀr and ΔᵀΔ with everything fitted projected off.
     fn off_the_fit(&self, change: usize) -> [f64; 2] {
         let d = &self.changes[change];

@@ -236,7 +236,8 @@ fn pass(
         }
         Source::Step | Source::Mesh => changed.gain(k),
     };
-    let numerics: Vec<Numerics> = shifts.iter().enumerate().map(|of| of.1.report(plan, fitted, gain(of))).collect();
+    let numerics: Vec<Numerics> =
+        shifts.iter().enumerate().map(|of| of.1.report(plan, fitted, gain(of), changed.over_left(of.0))).collect();
     let sensor_sigma = reported(plan, bench.white.sigma());
     let noise = noise(plan, fitted, sensor_sigma);
     let base_rmse = found.base.fitted.rmse;
@@ -372,7 +373,17 @@ mod tests {
             d.records.fit = records;
             d.remainder.over_scatter = over_scatter;
             let (kind, unit, note) = (NumericsKind::Step, String::new(), String::new());
-            d.numerics = vec![Numerics { kind, interpolation: None, rms: 0.0, unit, part: 0.2, gain, needed: Some(0.002), note }];
+            d.numerics = vec![Numerics {
+                kind,
+                interpolation: None,
+                rms: 0.0,
+                unit,
+                part: 0.2,
+                beyond: 0.2,
+                gain,
+                needed: Some(0.002),
+                note,
+            }];
             Refinement::of(&d, &setup).map(|finer| finer.step)
         };
         assert_eq!(with(47, 1.0, 20.0), Some(0.005 / 3.0));

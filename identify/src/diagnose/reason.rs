@@ -109,6 +109,15 @@ pub(super) fn own_error(own: &[Numerics]) -> String {
     if notes.is_empty() { String::new() } else { format!("the simulation's own error counts as well: {}", notes.join("; ")) }
 }
 
+/// That what is left may be the simulation's own error, and how that is seen.
+pub(super) fn coarse(own: &[Numerics]) -> String {
+    let one = |n: &Numerics| {
+        let finer = if n.kind == NumericsKind::Mesh { "edges" } else { "steps" };
+        format!("yet what is left may be the simulation's own error: {}; with {finer} half as long it would fall", n.note)
+    };
+    own.iter().map(one).collect::<Vec<_>>().join("; ")
+}
+
 /// The reservation that causes are which were accepted beside those that are named, and may stand for something else.
 pub(super) fn stand_ins(causes: &[Cause]) -> String {
     let names: Vec<String> = causes.iter().map(Cause::title).collect();
@@ -319,6 +328,7 @@ mod tests {
             rms: 1e-3,
             unit: "rad".into(),
             part: 0.5,
+            beyond: 0.5,
             gain: 30.0,
             needed: Some(4e-3),
             note: note.into(),

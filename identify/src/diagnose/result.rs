@@ -119,6 +119,9 @@ pub struct Numerics {
     pub unit: String,
     /// The same over what is left [-].
     pub part: f64,
+    /// Of the change what nothing takes up that was fitted, the records' starts among it, over what is left: both whitened by the noise [-].
+    #[serde(default)]
+    pub beyond: f64,
     /// Squares that it takes from what is left, whitened by its noise [-]: negative where a finer simulation is farther from the data. Of another
     /// reading of inputs that causes may make up for: what the model refitted without these gains, in units of −2 log likelihood.
     pub gain: f64,

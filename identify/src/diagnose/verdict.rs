@@ -59,6 +59,12 @@ fn swamps(n: &Numerics) -> bool {
     n.kind == NumericsKind::Step && n.part > 1.0
 }
 
+/// Whether the simulation's own error may be what is left, though the data are not nearer to a finer simulation at these values: it is larger, and what is
+/// fitted does not make up for it.
+fn may_be_all(n: &&Numerics) -> bool {
+    n.kind != NumericsKind::Inputs && n.part > 1.0 && n.beyond > POLICY.tolerated && !counts(n)
+}
+
 /// Whether something outside the library is behind the causes: what is left is significant; or a size differs from record to record, which a law
 /// that lacks something does as well, and what is left has a form besides that is not small beside what the cause takes.
 fn beyond(d: &Diagnosis) -> bool {
@@ -103,6 +109,10 @@ pub(super) fn decide(
     if !d.causes.is_empty() {
         reason::add(&mut d.reason, &reason::stand_ins(&approximate));
         reason::add(&mut d.reason, &reason::own_error(&own));
+    }
+    if d.verdict == Verdict::NotInLibrary {
+        let coarse: Vec<Numerics> = d.numerics.iter().filter(may_be_all).cloned().collect();
+        reason::add(&mut d.reason, &reason::coarse(&coarse));
     }
     if let Some((finer, before)) = &before {
         let told = before.numerics.iter().any(|n| n.gain > POLICY.per_number) || before.verdict != Verdict::Adequate;
@@ -194,6 +204,7 @@ mod tests {
         let own = |kind, part| Numerics {
             kind,
             part,
+            beyond: part,
             interpolation: None,
             rms: 1e-3,
             unit: "rad".into(),
@@ -203,6 +214,26 @@ mod tests {
         };
         assert!(swamps(&own(NumericsKind::Step, 2.1)));
         assert!(!swamps(&own(NumericsKind::Step, 0.9)) && !swamps(&own(NumericsKind::Inputs, 2.1)));
+    }
+
+    /// Where more than all that is left could be the mesh's, the reader looks there first.
+    #[test]
+    fn a_mesh_that_may_be_all_that_is_left_is_said() {
+        let mesh = |part: f64, beyond: f64, gain: f64| Numerics {
+            kind: NumericsKind::Mesh,
+            part,
+            beyond,
+            interpolation: None,
+            rms: 0.0138,
+            unit: "m".into(),
+            gain,
+            needed: Some(86.0),
+            note: "the length of the edges moves the readings by 13.8 mm".into(),
+        };
+        assert!(may_be_all(&&mesh(8.6, 0.24, -8.0)));
+        assert!(![mesh(0.9, 0.24, -8.0), mesh(8.6, 0.05, -8.0), mesh(8.6, 0.24, 500.0)].iter().any(|n| may_be_all(&n)));
+        let said = reason::coarse(&[mesh(8.6, 0.24, -8.0)]);
+        assert!(said.contains("13.8 mm") && said.contains("with edges half as long it would fall"), "{said}");
     }
 
     /// A weak cause that what is left may be behind goes, and what it could be taken for; a strong one and its rivals stay.

@@ -98,11 +98,12 @@ fn inputs(plan: &Plan, records: &[RecordPlan], values: &Values, way: usize) -> O
 impl Shift {
     /// Whether it is of a step that is too long for what a fit leaves.
     pub fn calls_for_a_finer_step(&self, plan: &Plan, fitted: &Fitted) -> bool {
-        self.source == Source::Step && self.report(plan, fitted, 0.0).needed.is_some()
+        self.source == Source::Step && self.report(plan, fitted, 0.0, 0.0).needed.is_some()
     }
 
-    /// Its entry in a report, at a fit: `gain` from [`super::beside::Beside::gain`] under the noise of that fit.
-    pub fn report(&self, plan: &Plan, fitted: &Fitted, gain: f64) -> Numerics {
+    /// Its entry in a report, at a fit: `gain` from [`super::beside::Beside::gain`] under the noise of that fit, `beyond` from
+    /// [`super::beside::Beside::over_left`].
+    pub fn report(&self, plan: &Plan, fitted: &Fitted, gain: f64, beyond: f64) -> Numerics {
         let rms = plan.rms(&self.change);
         let part = rms / fitted.rmse.max(f64::MIN_POSITIVE);
         let refined =
@@ -117,7 +118,12 @@ impl Shift {
             Source::Inputs(way) => Some(plan.interpolation.others()[way]),
             Source::Step | Source::Mesh => None,
         };
-        let size = format!("{}, {:.0} % of what is left", quantity_plain(rms, plan.unit), 100.0 * part);
+        let made_up = if part > POLICY.tolerated && beyond < part {
+            format!(" ({:.0} % beyond what starts and fitted numbers make up for)", 100.0 * beyond)
+        } else {
+            String::new()
+        };
+        let size = format!("{}, {:.0} % of what is left{made_up}", quantity_plain(rms, plan.unit), 100.0 * part);
         let note = match self.source.kind() {
             NumericsKind::Step => format!("the step of {} s moves the readings by {size}", number_plain(h)),
             NumericsKind::Mesh => format!("the length of the edges moves the readings by {size}"),
@@ -126,6 +132,7 @@ impl Shift {
                 interpolation.map_or("", |way| way.name())
             ),
         };
-        Numerics { kind: self.source.kind(), interpolation, rms, unit: plan.unit.to_owned(), part, gain, needed, note }
+        let unit = plan.unit.to_owned();
+        Numerics { kind: self.source.kind(), interpolation, rms, unit, part, beyond, gain, needed, note }
     }
 }
