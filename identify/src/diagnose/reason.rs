@@ -2,7 +2,7 @@
 
 use super::policy::POLICY;
 use super::result::{Cause, Estimate, Gain, Noise, Numerics, NumericsKind, RecordSize, Remainder};
-use crate::number::{estimate_plain, number_plain, quantity_plain, share, unit};
+use crate::number::{estimate_plain, four_digits, number_plain, quantity_plain, share, unit};
 
 /// The causes with their sizes, what each of them takes, and the gain on records that were not fitted.
 pub(super) fn named(causes: &[Cause], gain: &[Gain]) -> String {
@@ -51,7 +51,7 @@ pub(super) fn ambiguous(set: &[String], accepted: &[String], by_any: bool, refit
         one => one.concat(),
     };
     let alone = |(titles, all): &(Vec<String>, Vec<Estimate>)| {
-        let sizes: Vec<String> = all.iter().map(|e| format!("{} = {}", e.path, quantity_plain(e.estimate, &e.unit))).collect();
+        let sizes: Vec<String> = all.iter().map(in_place).collect();
         (!titles.is_empty() && !sizes.is_empty()).then(|| format!("{} {}", together(titles), sizes.join(", ")))
     };
     let sizes: Vec<String> = refitted.iter().filter_map(alone).collect();
@@ -176,6 +176,12 @@ pub(super) fn adequate(noise: &Noise, left: &Remainder) -> String {
     )
 }
 
+/// A number of an alternative, in the unit of the scene.
+fn in_place(e: &Estimate) -> String {
+    let value = format!("{} {}", four_digits(e.estimate), unit(&e.unit));
+    format!("{} = {} (scene {})", e.path, value.trim_end(), number_plain(e.scene_value))
+}
+
 /// Every parameter with interval and unit.
 fn sizes(cause: &Cause) -> String {
     cause.parameters.iter().map(size).collect::<Vec<_>>().join(", ")
@@ -274,7 +280,7 @@ mod tests {
         assert_eq!(
             said,
             "sensor_delay, actuator_delay, actuator_lag explain the data equally well; each in place of the others: \
-             sensor_delay sensor.time_offset = 0.5 ms"
+             sensor_delay sensor.time_offset = 5e-4 s (scene 0)"
         );
         assert!(!ambiguous(&set, &[], false, &[]).contains("place of"));
         // two that only together are as near stand together
