@@ -139,13 +139,15 @@ pub(super) fn add(reason: &mut String, clause: &str) {
 }
 
 /// That the simulation was refined, and why. `coarse`: what counted with the scene's own; what would have done is done, and not said.
-pub(super) fn refined(finer: &str, coarse: &[&Numerics]) -> String {
+/// `missing`: whether something is missing that no name is given to, as which another reading of commands, a small delay, may act.
+pub(super) fn refined(finer: &str, coarse: &[&Numerics], missing: bool) -> String {
     let (read, coarse): (Vec<&Numerics>, Vec<&Numerics>) = coarse.iter().partition(|n| n.kind == NumericsKind::Inputs);
     let notes = |of: &[&Numerics]| of.iter().map(|n| n.note.as_str()).collect::<Vec<_>>().join("; ");
     let mut out = String::new();
     if !read.is_empty() {
         out += &format!(
-            "the data are nearer to commands that are read in another way than the scene reads them: {}; ",
+            "the data are nearer to commands that are read in another way than the scene reads them{}: {}; ",
+            if missing { ", which what is missing may imitate" } else { "" },
             notes(&read)
         );
     }
@@ -343,13 +345,20 @@ mod tests {
             own_error(std::slice::from_ref(&coarse)),
             format!("the simulation's own error counts as well: {note}; 0.004 s would do")
         );
-        let said = refined("a step of 0.0025 s", &[&coarse]);
+        let said = refined("a step of 0.0025 s", &[&coarse], true);
         assert!(said.contains("1 mrad, 50 % of what is left; all that is said here was found with a step of 0.0025 s"), "{said}");
         // commands that are read otherwise are not coarse
         let held = Numerics { kind: NumericsKind::Inputs, needed: None, note: "held".into(), ..coarse.clone() };
-        let [alone, both] = [vec![&held], vec![&coarse, &held]].map(|all| refined("this", &all));
+        let [alone, both] = [vec![&held], vec![&coarse, &held]].map(|all| refined("this", &all, false));
         let nearer = "the data are nearer to commands that are read in another way than the scene reads them: held; ";
         assert_eq!(alone, format!("{nearer}all that is said here was found with this"));
+        let missing = refined("this", &[&held], true);
+        assert!(
+            missing.starts_with(
+                "the data are nearer to commands that are read in another way than the scene reads them, which what"
+            ),
+            "{missing}"
+        );
         assert!(both.starts_with(nearer) && both.contains("too coarse for these data: the step of 0.01 s"), "{both}");
     }
 }

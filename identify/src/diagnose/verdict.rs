@@ -122,7 +122,8 @@ pub(super) fn decide(
         // of the other ways to read inputs that which was taken
         let way = d.refined.as_ref().map(|by| by.interpolation);
         let taken = |n: &&Numerics| n.kind != NumericsKind::Inputs || n.interpolation == way;
-        let finer = reason::refined(finer, &before.numerics.iter().filter(counts).filter(taken).collect::<Vec<_>>());
+        let coarse: Vec<&Numerics> = before.numerics.iter().filter(counts).filter(taken).collect();
+        let finer = reason::refined(finer, &coarse, d.verdict == Verdict::NotInLibrary);
         reason::add(&mut d.reason, &finer);
     }
     d.extension = match d.verdict {
