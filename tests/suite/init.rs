@@ -181,7 +181,11 @@ fn motors_without_a_command_are_left_out_of_an_imported_model() {
     std::fs::write(&own, format!("{}\n[[actuator]]\nname = \"extra\"\njoint = \"turn\"\nkind = \"torque\"\n", &scene[..start]))
         .unwrap();
     let refused = pliant(&arguments(own.to_str().unwrap(), &[&run], at.join("second").to_str().unwrap()));
-    assert_refused(&refused, &["no column has the command of actuator `extra` at joint `turn`"]);
+    assert_refused(&refused, &["no column has the command of actuator `extra` at joint `turn`", "`turn_torque`"]);
+    let servo = std::fs::read_to_string(&own).unwrap().replace("kind = \"torque\"\n", "kind = \"position\"\nstiffness = 5.0\n");
+    std::fs::write(&own, servo).unwrap();
+    let refused = pliant(&arguments(own.to_str().unwrap(), &[&run], at.join("third").to_str().unwrap()));
+    assert_refused(&refused, &["no column has the command of actuator `extra` at joint `turn`", "`turn_cmd`"]);
 }
 
 /// What `init` says of a log in a file of its own, and the scene that it writes.

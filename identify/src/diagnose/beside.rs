@@ -117,6 +117,8 @@ mod tests {
         let alone = reduce(&plan, &fitted, &damping).unwrap();
         let score = alone.score();
         let left = alone.rss() - score.dot(&solved(&alone.gram(), &score));
+        let all = (left / alone.rss()).sqrt();
+        assert!(beside.over_left(0) < 1e-6 && (beside.over_left(1) / all - 1.0).abs() < 0.02, "{} {all}", beside.over_left(1));
         assert!((beside.reduced.rss() / alone.rss() - 1.0).abs() < 1e-9 && beside.reduced.columns() == 1);
         assert!((beside.gain(1) / left - 1.0).abs() < 0.02, "{} {left}", beside.gain(1));
         // a fit that has not quite ended takes something of its own residual; of twice that all of it takes nothing, and half of it everything; of its opposite no part takes anything

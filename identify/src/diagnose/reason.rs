@@ -113,9 +113,32 @@ pub(super) fn own_error(own: &[Numerics]) -> String {
 pub(super) fn coarse(own: &[Numerics]) -> String {
     let one = |n: &Numerics| {
         let finer = if n.kind == NumericsKind::Mesh { "edges" } else { "steps" };
-        format!("yet what is left may be the simulation's own error: {}; with {finer} half as long it would fall", n.note)
+        format!("yet what is left may be the simulation's own error: {}; if it is, it falls with {finer} half as long", n.note)
     };
     own.iter().map(one).collect::<Vec<_>>().join("; ")
+}
+
+impl Numerics {
+    /// The note, and what would do.
+    pub(crate) fn with_advice(&self) -> String {
+        let note = &self.note;
+        match (self.kind, self.needed) {
+            (NumericsKind::Step, Some(step)) => format!("{note}; {} s would do", number_plain(step)),
+            (NumericsKind::Mesh, Some(factor)) => format!("{note}; {factor:.1} times the edges would do"),
+            _ => note.clone(),
+        }
+    }
+}
+
+impl NumericsKind {
+    /// The note on a cause whose size is the simulation's own error.
+    pub(super) fn imitates(self) -> &'static str {
+        match self {
+            Self::Step => "its size is what the length of the simulation's steps imitates",
+            Self::Mesh => "its size is what the length of the edges imitates",
+            Self::Inputs => "its size is what reading the inputs between samples otherwise imitates",
+        }
+    }
 }
 
 /// The reservation that causes are which were accepted beside those that are named, and may stand for something else.

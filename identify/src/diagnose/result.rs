@@ -132,29 +132,6 @@ pub struct Numerics {
     pub note: String,
 }
 
-impl Numerics {
-    /// The note, and what would do.
-    pub(crate) fn with_advice(&self) -> String {
-        let note = &self.note;
-        match (self.kind, self.needed) {
-            (NumericsKind::Step, Some(step)) => format!("{note}; {} s would do", number_plain(step)),
-            (NumericsKind::Mesh, Some(factor)) => format!("{note}; {factor:.1} times the edges would do"),
-            _ => note.clone(),
-        }
-    }
-}
-
-impl NumericsKind {
-    /// The note on a cause whose size is the simulation's own error.
-    pub(super) fn imitates(self) -> &'static str {
-        match self {
-            Self::Step => "its size is what the length of the simulation's steps imitates",
-            Self::Mesh => "its size is what the length of the edges imitates",
-            Self::Inputs => "its size is what reading the inputs between samples otherwise imitates",
-        }
-    }
-}
-
 /// Outcome of a candidate's test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

@@ -234,7 +234,7 @@ mod tests {
         assert!(may_be_all(&&mesh(8.6, 0.24, -8.0)));
         assert!(![mesh(0.9, 0.24, -8.0), mesh(8.6, 0.05, -8.0), mesh(8.6, 0.24, 500.0)].iter().any(|n| may_be_all(&n)));
         let said = reason::coarse(&[mesh(8.6, 0.24, -8.0)]);
-        assert!(said.contains("13.8 mm") && said.contains("with edges half as long it would fall"), "{said}");
+        assert!(said.contains("13.8 mm") && said.contains("if it is, it falls with edges half as long"), "{said}");
     }
 
     /// A weak cause that what is left may be behind goes, and what it could be taken for; a strong one and its rivals stay.

@@ -304,6 +304,7 @@ mod tests {
     #![allow(clippy::unwrap_used, clippy::panic)]
     use super::super::sample;
     use super::*;
+    use crate::diagnose::RecordSize;
     use pliant_scene::parse_scene;
     use std::path::PathBuf;
 
@@ -339,6 +340,15 @@ mod tests {
         let sensor = SensorStart { bias: [0.0, 0.0, 0.002], time_offset: 0.01, ..SensorStart::default() };
         assert_eq!(experiment.sensor, sensor);
         assert!(experiment.record[0].file.ends_with("data/run1.csv"));
+    }
+
+    #[test]
+    fn sizes_that_differ_are_listed_by_record() {
+        let (setup, mut diagnosis) = (sample::setup(), sample::diagnosis());
+        diagnosis.causes[0].sizes =
+            [("a.csv", 0.9), ("b\nc", 1.1)].map(|(record, size)| RecordSize { record: record.to_owned(), size }).to_vec();
+        let text = text(&diagnosis, &setup, &Provenance::default(), Path::new("/somewhere/report")).unwrap();
+        assert!(text.contains("no single value follows them all: 0.9 in a.csv, 1.1 in b c\n"), "{text}");
     }
 
     #[test]

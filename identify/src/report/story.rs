@@ -387,6 +387,9 @@ mod tests {
             assert!(text.contains(part), "{part:?} is not in {text}");
         }
         assert!(text.contains("smaller by a factor of 3.32 to 6.69 (90 %), 93 % of what can"), "{text}");
+        let mut varies = sample::diagnosis();
+        varies.causes[0].sizes = vec![crate::diagnose::RecordSize { record: "run1.csv".into(), size: 1e-4 }];
+        assert!(!text.contains("each record's own") && summary(&varies).contains(" s, with sizes of each record's own: 10 mm"));
         let mut short = sample::diagnosis();
         (short.gain[1].interval, short.gain[1].explained_fraction) = (None, -0.15);
         assert!(summary(&short).contains("interval unknown: one short record, nothing of what can"), "{}", summary(&short));

@@ -96,7 +96,7 @@ pub fn without(log: &Log, model: &Model, found: &Matches, assumed: &mut Vec<Stri
                 cause: "the name is not that of a joint with a quantity and a unit, or the column is no torque",
                 fix: format!(
                     "name it {} (also `_mNm`, `_Nmm`, `_Ncm`; multiply currents by the motor's constant), or leave it out with \
-                     `--leave-out \"{name}\"` if it drove nothing; what a position controller was told needs an actuator of kind \
+                     `--leave-out \"{name}\"` if it drove nothing; the target of a position controller needs an actuator of kind \
                      \"position\" at the joint in the model",
                     options.join(" or ")
                 ),

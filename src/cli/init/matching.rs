@@ -9,7 +9,7 @@ pub struct Match {
     pub column: usize,
     /// Name of the joint, or of the actuator for a command.
     pub object: String,
-    /// Its quantity.
+    /// Its quantity; a target is the command of the servo that it is told to.
     pub quantity: Quantity,
     /// Unit that the column's name ends in.
     pub unit: Option<&'static str>,

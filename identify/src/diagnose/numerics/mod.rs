@@ -98,22 +98,30 @@ fn inputs(plan: &Plan, records: &[RecordPlan], values: &Values, way: usize) -> O
 impl Shift {
     /// Whether it is of a step that is too long for what a fit leaves.
     pub fn calls_for_a_finer_step(&self, plan: &Plan, fitted: &Fitted) -> bool {
-        self.source == Source::Step && self.report(plan, fitted, 0.0, 0.0).needed.is_some()
+        self.source == Source::Step && self.needed(plan, self.part(plan, fitted)).is_some()
+    }
+
+    /// Root mean square of it over what a fit leaves \[-\].
+    fn part(&self, plan: &Plan, fitted: &Fitted) -> f64 {
+        plan.rms(&self.change) / fitted.rmse.max(f64::MIN_POSITIVE)
+    }
+
+    /// Refinement that would bring that part to what is tolerated: the step \[s\], or the factor on the number of edges.
+    fn needed(&self, plan: &Plan, part: f64) -> Option<f64> {
+        let refined =
+            (self.order > 0 && part > POLICY.tolerated).then(|| (POLICY.tolerated / part).powf(1.0 / f64::from(self.order)));
+        match self.source {
+            Source::Step => refined.map(|factor| plan.model.step_length() * factor),
+            Source::Mesh => refined.map(f64::recip),
+            Source::Inputs(_) => None,
+        }
     }
 
     /// Its entry in a report, at a fit: `gain` from [`super::beside::Beside::gain`] under the noise of that fit, `beyond` from
     /// [`super::beside::Beside::over_left`].
     pub fn report(&self, plan: &Plan, fitted: &Fitted, gain: f64, beyond: f64) -> Numerics {
-        let rms = plan.rms(&self.change);
-        let part = rms / fitted.rmse.max(f64::MIN_POSITIVE);
-        let refined =
-            (self.order > 0 && part > POLICY.tolerated).then(|| (POLICY.tolerated / part).powf(1.0 / f64::from(self.order)));
-        let h = plan.model.step_length();
-        let needed = match self.source {
-            Source::Step => refined.map(|factor| h * factor),
-            Source::Mesh => refined.map(f64::recip),
-            Source::Inputs(_) => None,
-        };
+        let (rms, part, h) = (plan.rms(&self.change), self.part(plan, fitted), plan.model.step_length());
+        let needed = self.needed(plan, part);
         let interpolation = match self.source {
             Source::Inputs(way) => Some(plan.interpolation.others()[way]),
             Source::Step | Source::Mesh => None,
